@@ -1,0 +1,284 @@
+//! Campaign: many requests to runs and their observables, each computed once per content key.
+//!
+//! Takes requests and a store; gives one row per request, in the order of the requests. Runs that the store has are
+//! looked up, the others are simulated on all threads and published one by one, so that a kill loses the runs in
+//! flight and nothing else. A run that fails is a row with its reason. Deliberately ignorant of why a run is wanted:
+//! sampling, verification, validation and diagnosis use the same campaign.
+
+mod measure;
+mod progress;
+mod records;
+mod request;
+
+pub use progress::Progress;
+pub use records::{KpiRecord, RunRecord, TimingRecord};
+pub use request::{Point, Request, Values, run_seed};
+
+use crate::canonical::{CanonicalError, Digest};
+use crate::dem;
+use crate::effects::EffectError;
+use crate::experiments::SetupError;
+use crate::settings::{Settings, SettingsError};
+use crate::store::{Ledger, Store, StoreError};
+use crate::tables::TableError;
+use crate::tables::list::RunRow;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::Instant;
+
+/// Why a campaign cannot go on; a failed run is not among the reasons.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// A value cannot be hashed.
+    #[error(transparent)]
+    Canonical(#[from] CanonicalError),
+    /// A setting cannot be taken.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// An effect cannot be applied.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// The settings give no set-up.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    /// The store cannot be read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Rows cannot be read or written.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// A run that was just published is gone.
+    #[error("run {key} was published but cannot be found again; run `granulake fsck`, then repeat the command")]
+    LostRun {
+        /// Content key of the run.
+        key: String,
+    },
+    /// No threads.
+    #[error("cannot start {jobs} threads: {source}")]
+    Threads {
+        /// Threads asked for.
+        jobs: usize,
+        /// What the system says.
+        source: rayon::ThreadPoolBuildError,
+    },
+}
+
+/// The place where runs are made and kept.
+pub struct Campaign {
+    store: Store,
+    runs: Ledger<RunRecord>,
+    kpis: Ledger<KpiRecord>,
+    timings: Ledger<TimingRecord>,
+    pool: rayon::ThreadPool,
+    progress: Progress,
+    retry_failed: bool,
+}
+
+/// How a campaign works; nothing here changes a result.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Threads; 0 is one per core.
+    pub jobs: usize,
+    /// Show progress bars on stderr.
+    pub progress: bool,
+    /// Run failed runs again.
+    pub retry_failed: bool,
+}
+
+/// A request with its resolved settings and key.
+struct Resolved<'a> {
+    request: &'a Request,
+    settings: Settings,
+    key: Digest,
+}
+
+/// How many runs of an experiment a campaign holds already, how many it lacks and what the latter would cost.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Outlook {
+    /// Runs asked for.
+    pub wanted: usize,
+    /// Runs the store lacks.
+    pub missing: usize,
+}
+
+impl Campaign {
+    /// Opens the ledgers of `store`.
+    ///
+    /// # Errors
+    /// A ledger that cannot be read, or no threads.
+    pub fn open(store: Store, options: Options) -> Result<Self, CampaignError> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(options.jobs)
+            .build()
+            .map_err(|source| CampaignError::Threads { jobs: options.jobs, source })?;
+        Ok(Self {
+            runs: store.ledger("runs")?,
+            kpis: store.ledger("kpis")?,
+            timings: store.ledger("timings")?,
+            store,
+            pool,
+            progress: Progress::new(options.progress),
+            retry_failed: options.retry_failed,
+        })
+    }
+
+    /// The store behind the campaign.
+    pub fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// Runs in parallel whatever `work` does with rayon.
+    pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.pool.install(work)
+    }
+
+    /// One row per request, in order; runs the store lacks are simulated first.
+    ///
+    /// # Errors
+    /// Settings that make no set-up, or a store that cannot be read or written.
+    pub fn simulate(&self, requests: &[Request]) -> Result<Vec<RunRow>, CampaignError> {
+        let resolved = self.resolve(requests)?;
+        let missing = self.missing(&resolved);
+        if !missing.is_empty() {
+            self.compute(&missing)?;
+        }
+        resolved.iter().map(|run| self.run_row(run)).collect()
+    }
+
+    /// How many of the requests are new, by experiment.
+    ///
+    /// # Errors
+    /// Settings that make no set-up.
+    pub fn outlook(&self, requests: &[Request]) -> Result<BTreeMap<&'static str, Outlook>, CampaignError> {
+        let resolved = self.resolve(requests)?;
+        let mut outlook: BTreeMap<&'static str, Outlook> = BTreeMap::new();
+        for run in &resolved {
+            outlook.entry(run.request.experiment.name()).or_default().wanted += 1;
+        }
+        for run in self.missing(&resolved) {
+            outlook.entry(run.request.experiment.name()).or_default().missing += 1;
+        }
+        Ok(outlook)
+    }
+
+    /// Mean CPU seconds per run of an experiment over the runs the store has timed.
+    pub fn seconds_per_run(&self, experiment: &str) -> Option<f64> {
+        let seconds: Vec<f64> =
+            self.timings.rows().filter(|row| row.experiment == experiment).map(|row| row.cpu_seconds).collect();
+        (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64)
+    }
+
+    /// Merges what has been published since the last time into few files.
+    ///
+    /// # Errors
+    /// A store that cannot be written.
+    pub fn compact(&self) -> Result<(), CampaignError> {
+        self.runs.compact()?;
+        self.kpis.compact()?;
+        self.timings.compact()?;
+        Ok(())
+    }
+
+    fn resolve<'a>(&self, requests: &'a [Request]) -> Result<Vec<Resolved<'a>>, CampaignError> {
+        self.pool.install(|| {
+            requests
+                .par_iter()
+                .map(|request| {
+                    let settings = request.resolve()?;
+                    let key = request.key(&settings)?;
+                    Ok(Resolved { request, settings, key })
+                })
+                .collect()
+        })
+    }
+
+    /// The first request of every key that is still to be run.
+    fn missing<'r, 'a>(&self, resolved: &'r [Resolved<'a>]) -> Vec<&'r Resolved<'a>> {
+        let mut seen = std::collections::HashSet::new();
+        resolved.iter().filter(|run| !self.has(&run.key) && seen.insert(run.key)).collect()
+    }
+
+    fn has(&self, key: &Digest) -> bool {
+        let Some(rows) = self.runs.rows_of(key) else { return false };
+        let stored = |text: &Option<String>| {
+            text.as_ref().is_some_and(|text| text.parse().is_ok_and(|digest| self.store.has_object(&digest)))
+        };
+        rows.iter().all(|row| match row.status == records::OK {
+            true => stored(&row.state) && stored(&row.trace),
+            false => !self.retry_failed,
+        })
+    }
+
+    fn compute(&self, missing: &[&Resolved]) -> Result<(), CampaignError> {
+        let bar = self.progress.bar("simulate", missing.len());
+        let timings = Mutex::new(Vec::new());
+        let outcome = self.pool.install(|| {
+            missing.par_iter().with_max_len(1).try_for_each(|run| {
+                let (record, seconds) = self.run(run)?;
+                match self.retry_failed {
+                    true => self.runs.replace(&[record])?,
+                    false => self.runs.append(&[record])?,
+                }
+                let experiment = run.request.experiment.name().to_owned();
+                let timing = TimingRecord { run_key: run.key.to_string(), experiment, cpu_seconds: seconds };
+                if let Ok(mut timings) = timings.lock() {
+                    timings.push(timing);
+                }
+                bar.inc(1);
+                Ok(())
+            })
+        });
+        bar.finish_and_clear();
+        let timings = timings.into_inner().unwrap_or_default();
+        self.timings.replace(&timings)?;
+        outcome
+    }
+
+    /// Simulates one run and publishes its final state and trace.
+    fn run(&self, run: &Resolved) -> Result<(RunRecord, f64), CampaignError> {
+        let setup = run.request.experiment.setup(&run.settings)?;
+        let start = Instant::now();
+        let outcome = dem::simulate(&setup, run.request.seed);
+        let seconds = start.elapsed().as_secs_f64();
+        let record = match outcome {
+            Ok(outcome) => {
+                let state = self.store.put_object(&records::state_bytes(&outcome.state)?)?;
+                let trace = self.store.put_object(&records::trace_bytes(&outcome.trace)?)?;
+                RunRecord::finished(run.key, &outcome, state, trace)
+            }
+            Err(failure) => RunRecord::failed(run.key, &failure),
+        };
+        Ok((record, seconds))
+    }
+}
+
+impl Campaign {
+    /// The row of a run that the ledger holds.
+    fn run_row(&self, run: &Resolved) -> Result<RunRow, CampaignError> {
+        let Resolved { request, key, .. } = run;
+        let key = key.to_string();
+        let record = self.runs.get(&key).and_then(|rows| rows.into_iter().next());
+        let record = record.ok_or_else(|| CampaignError::LostRun { key: key.clone() })?;
+        Ok(RunRow {
+            label: request.label.clone(),
+            experiment: request.experiment.name().to_owned(),
+            point: request.point.number,
+            parameter_hash: request.point.hash()?.to_string(),
+            repetition: request.repetition,
+            seed: request.seed,
+            effects: request.point.effects_text(),
+            run_key: key,
+            status: record.status,
+            reason: record.reason,
+            stop: record.stop,
+            time_s: record.time_s,
+            steps: record.steps,
+            particles: record.particles,
+            coordination_number: record.coordination_number,
+            max_overlap: record.max_overlap,
+            state: record.state,
+            trace: record.trace,
+        })
+    }
+}

@@ -1,0 +1,215 @@
+//! What to simulate: one request per run, with its seed, its hash and its content key.
+//!
+//! The seed of a run depends on base seed, experiment, base parameter values and repetition alone: never on the study,
+//! the stage, the point's index, the number of repetitions, an effect or a finite-difference offset. So a campaign
+//! that grows keeps its runs, two studies share them, and runs with and without an effect share their packing.
+
+use super::CampaignError;
+use crate::canonical::{Digest, Encoder, digest};
+use crate::dem;
+use crate::effects;
+use crate::experiments::Experiment;
+use crate::settings::{Scope, Settings};
+use std::sync::Arc;
+
+const SEED_CONTEXT: &str = "granulake 2026 run seed v1";
+const POINT_CONTEXT: &str = "granulake 2026 parameter hash v1";
+const RUN_CONTEXT: &str = "granulake 2026 run key v1";
+
+/// Names and SI values, sorted by name.
+pub type Values = Vec<(String, f64)>;
+
+/// A point of the parameter space with the effects that are switched on: what a batch of repetitions shares.
+#[derive(Debug, Clone)]
+pub struct Point {
+    /// Number within its label, from 1.
+    pub number: u32,
+    /// Settings with the parameters set, before any effect.
+    pub settings: Arc<Settings>,
+    /// Parameter values, sorted by name.
+    pub parameters: Values,
+    /// Parameter values that give the seed; differ from `parameters` for an offset point of a finite difference.
+    pub seed_parameters: Values,
+    /// Effect strengths, sorted by name; zero is the same as absent.
+    pub effects: Values,
+}
+
+impl Point {
+    /// The point with `parameters` set in `base`, without effects, seeded by its own values.
+    ///
+    /// # Errors
+    /// A parameter that is no setting, or outside its bounds.
+    pub fn new(number: u32, base: &Settings, parameters: &[(String, f64)]) -> Result<Self, CampaignError> {
+        let mut parameters = parameters.to_vec();
+        parameters.sort_by(|a, b| a.0.cmp(&b.0));
+        let mut settings = base.clone();
+        for (name, value) in &parameters {
+            settings.set(name, *value)?;
+        }
+        Ok(Self {
+            number,
+            settings: Arc::new(settings),
+            seed_parameters: parameters.clone(),
+            parameters,
+            effects: Vec::new(),
+        })
+    }
+
+    /// The same point with these effects on; zero strengths are dropped.
+    #[must_use]
+    pub fn with_effects(mut self, effects: &[(String, f64)]) -> Self {
+        self.effects = effects.iter().filter(|(_, strength)| *strength != 0.0).cloned().collect();
+        self.effects.sort_by(|a, b| a.0.cmp(&b.0));
+        self
+    }
+
+    /// The same point with the packings of `other`.
+    #[must_use]
+    pub fn paired_with(mut self, other: &Self) -> Self {
+        self.seed_parameters.clone_from(&other.seed_parameters);
+        self
+    }
+
+    /// Hash of parameter values and effect strengths.
+    ///
+    /// # Errors
+    /// A value that is NaN.
+    pub fn hash(&self) -> Result<Digest, CampaignError> {
+        let mut encoder = Encoder::new();
+        encode(&mut encoder, &self.parameters)?;
+        encode(&mut encoder, &self.effects)?;
+        Ok(digest(POINT_CONTEXT, &encoder))
+    }
+
+    /// The effects as `name=value name=value`, empty when none.
+    pub fn effects_text(&self) -> String {
+        self.effects.iter().map(|(name, strength)| format!("{name}={strength}")).collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// One run asked for.
+#[derive(Clone)]
+pub struct Request {
+    /// Who asks, as in the tables.
+    pub label: String,
+    /// What to run.
+    pub experiment: &'static dyn Experiment,
+    /// Where in the parameter space.
+    pub point: Arc<Point>,
+    /// Repetition, from 1.
+    pub repetition: u32,
+    /// Seed of the run.
+    pub seed: u64,
+}
+
+impl Request {
+    /// All repetitions `from..=to` of `point` in `experiment`.
+    ///
+    /// # Errors
+    /// A parameter value that is NaN.
+    pub fn batch(
+        label: &str,
+        experiment: &'static dyn Experiment,
+        point: &Arc<Point>,
+        repetitions: std::ops::RangeInclusive<u32>,
+        base_seed: u64,
+    ) -> Result<Vec<Self>, CampaignError> {
+        repetitions
+            .map(|repetition| {
+                let seed = run_seed(base_seed, experiment.name(), &point.seed_parameters, repetition)?;
+                Ok(Self { label: label.to_owned(), experiment, point: Arc::clone(point), repetition, seed })
+            })
+            .collect()
+    }
+
+    /// The settings of this run with its effects applied.
+    ///
+    /// # Errors
+    /// An effect that is unknown or out of range, or that pushes a setting out of its bounds.
+    pub fn resolve(&self) -> Result<Settings, CampaignError> {
+        let mut settings = (*self.point.settings).clone();
+        for (name, strength) in &self.point.effects {
+            effects::apply(effects::find(name)?, *strength, &mut settings, self.seed)?;
+        }
+        Ok(settings)
+    }
+
+    /// Content key of the run: physics version, experiment, its resolved settings and the seed.
+    ///
+    /// # Errors
+    /// A setting that is NaN.
+    pub fn key(&self, resolved: &Settings) -> Result<Digest, CampaignError> {
+        let mut encoder = Encoder::new();
+        encoder.u64(u64::from(dem::PHYSICS_VERSION)).str(self.experiment.name()).u64(self.seed);
+        encode(&mut encoder, &resolved.for_experiment(self.experiment.name(), Scope::Simulate))?;
+        Ok(digest(RUN_CONTEXT, &encoder))
+    }
+}
+
+/// Seed of a run: base seed, experiment, base parameter values, repetition.
+///
+/// # Errors
+/// A value that is NaN.
+pub fn run_seed(
+    base_seed: u64,
+    experiment: &str,
+    parameters: &[(String, f64)],
+    repetition: u32,
+) -> Result<u64, CampaignError> {
+    let mut encoder = Encoder::new();
+    encoder.u64(base_seed).str(experiment);
+    encode(&mut encoder, parameters)?;
+    encoder.u64(u64::from(repetition));
+    Ok(digest(SEED_CONTEXT, &encoder).to_u64())
+}
+
+/// Appends a list of names and values.
+pub(super) fn encode<N: AsRef<str>>(encoder: &mut Encoder, values: &[(N, f64)]) -> Result<(), CampaignError> {
+    encoder.list(values.len());
+    for (name, value) in values {
+        encoder.str(name.as_ref()).f64(*value)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::EXPERIMENTS;
+
+    fn point(friction: f64) -> Point {
+        Point::new(1, &Settings::default(), &[("sliding_friction".to_owned(), friction)]).unwrap()
+    }
+
+    fn key(point: Point, repetition: u32) -> Digest {
+        let batch = Request::batch("design", EXPERIMENTS[0], &Arc::new(point), repetition..=repetition, 1).unwrap();
+        batch[0].key(&batch[0].resolve().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn an_effect_of_strength_zero_has_the_key_of_no_effect() {
+        let with = |strength| point(0.5).with_effects(&[("cohesion".to_owned(), strength)]);
+        assert_eq!(key(with(0.0), 1), key(point(0.5), 1));
+        assert_eq!(key(with(-0.0), 1), key(point(0.5), 1));
+        assert_ne!(key(with(0.5), 1), key(point(0.5), 1));
+        assert_eq!(with(0.0).hash().unwrap(), point(0.5).hash().unwrap());
+    }
+
+    #[test]
+    fn effects_and_offsets_share_the_seed_but_not_the_key() {
+        let base = Arc::new(point(0.5));
+        let offset = Arc::new(point(0.6).paired_with(&base));
+        let seed = |p: &Arc<Point>| Request::batch("a", EXPERIMENTS[0], p, 1..=1, 1).unwrap()[0].seed;
+        assert_eq!(seed(&base), seed(&offset));
+        assert_ne!(key((*base).clone(), 1), key((*offset).clone(), 1));
+        assert_ne!(base.hash().unwrap(), offset.hash().unwrap());
+    }
+
+    #[test]
+    fn label_and_point_number_do_not_enter_the_key() {
+        let mut other = point(0.5);
+        other.number = 99;
+        assert_eq!(key(other, 2), key(point(0.5), 2));
+        assert_ne!(key(point(0.5), 1), key(point(0.5), 2));
+    }
+}

@@ -1,0 +1,99 @@
+//! `repro`: bring stages up to date.
+
+use super::{CliError, Outcome};
+use crate::campaign::Options;
+use crate::pipeline::run::{Request, repro};
+use crate::pipeline::{PipelineError, Study, plan};
+use crate::report;
+use crate::stages::{self, Stage};
+use clap::Args;
+use serde_json::json;
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+/// Bring every stage, or one and those it needs, up to date; only what is new is computed.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  granulake repro                    everything, ending with a summary and the report
+  granulake repro train              up to the metamodels
+  granulake repro --reps 5           five repetitions instead of those of the study
+  granulake --study studies/fransen2022.toml repro simulate --jobs 8
+
+Stages: sample, simulate, kpi, aggregate, train, calibrate, verify, validate, diagnose, report.
+A kill at any moment loses at most the simulations in flight; the next repro continues.")]
+pub struct Arguments {
+    /// Last stage; all stages when left out.
+    stage: Option<String>,
+    /// Repetitions, instead of study.repetitions.
+    #[arg(long, value_name = "N")]
+    reps: Option<u32>,
+    /// Threads; one per core when left out.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    jobs: usize,
+    /// Say what would run, as `plan` does, and stop.
+    #[arg(long)]
+    dry_run: bool,
+    /// Run the stage even if it is up to date, and check that it gives the same bytes.
+    #[arg(long)]
+    force: bool,
+    /// Run failed simulations again.
+    #[arg(long)]
+    retry_failed: bool,
+    /// Print what was done as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The stage of that name.
+pub fn stage(name: Option<&str>) -> Result<Option<&'static Stage>, PipelineError> {
+    name.map(|name| {
+        stages::find(name).ok_or_else(|| PipelineError::UnknownStage {
+            name: name.to_owned(),
+            known: stages::STAGES.iter().map(|stage| stage.name).collect::<Vec<_>>().join(", "),
+        })
+    })
+    .transpose()
+}
+
+/// Runs what is stale and prints the summary.
+pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
+    let target = stage(arguments.stage.as_deref())?;
+    let study = Study::load_with(path, arguments.reps)?;
+    if arguments.dry_run {
+        return super::plan::print(&study, target, arguments.json);
+    }
+    let options = Options { jobs: arguments.jobs, progress: true, retry_failed: arguments.retry_failed };
+    let request = Request { target, force: arguments.force, options };
+    let mut done = Vec::new();
+    let mut clock = Instant::now();
+    repro(&study, &request, |stage, action| {
+        let seconds = clock.elapsed().as_secs_f64();
+        clock = Instant::now();
+        eprintln!("{stage:<10} {:<9} {seconds:7.1} s", action.word());
+        done.push(json!({"stage": stage, "action": action.word()}));
+    })?;
+    finish(&study, arguments, &done)
+}
+
+fn finish(study: &Study, arguments: &Arguments, done: &[serde_json::Value]) -> Result<Outcome, CliError> {
+    let campaign = study.campaign(Options::default())?;
+    let gathered =
+        stages::gather(&study.context(&campaign)).map_err(|source| PipelineError::Stage { stage: "report", source })?;
+    let failed = gathered.runs.iter().filter(|run| run.status != "ok").count();
+    let mut out = std::io::stdout().lock();
+    if arguments.json {
+        let stale: Vec<_> = plan::assess(study, &study.lock()?)
+            .into_iter()
+            .filter(|step| step.state != plan::State::Fresh)
+            .map(|step| step.stage)
+            .collect();
+        let runs = gathered.runs.len();
+        writeln!(out, "{}", json!({"stages": done, "stale": stale, "runs": runs, "failed_runs": failed}))?;
+    } else {
+        writeln!(out, "{}", report::summary(&gathered))?;
+        writeln!(out, "report: {}", study.store().root().join(stages::REPORT_HTML).display())?;
+    }
+    Ok(if failed == 0 { Outcome::Done } else { Outcome::FailedRuns })
+}

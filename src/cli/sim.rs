@@ -1,0 +1,117 @@
+//! `sim`: one simulation with the study's set-up, its observables printed.
+
+use super::{CliError, Outcome};
+use crate::campaign::{Point, Request, Values};
+use crate::pipeline::Study;
+use crate::settings::spec;
+use crate::{dem, effects, experiments, units};
+use clap::Args;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Simulate one experiment once and print what is read off it.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  granulake sim ledge
+  granulake sim pile --set sliding_friction=0.4 --set pile.drop_height=\"0.3 m\" --seed 7 --json
+  granulake sim bulk_density --effect cohesion=0.5")]
+pub struct Arguments {
+    /// pile, ledge, bulk_density or hopper.
+    experiment: String,
+    /// Set a parameter or any other setting; a unit may follow the value.
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
+    settings: Vec<(String, String)>,
+    /// Switch an effect on with this strength.
+    #[arg(long = "effect", value_name = "NAME=STRENGTH", value_parser = pair)]
+    effects: Vec<(String, String)>,
+    /// Seed of the random packing.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn pair(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    Ok((name.trim().to_owned(), value.trim().to_owned()))
+}
+
+/// Runs the simulation and prints the observables.
+pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
+    let config = Study::config(study)?;
+    let experiment = experiments::find(&arguments.experiment)?;
+    let mut settings = config.base_settings().clone();
+    for (name, text) in &arguments.settings {
+        match settings.word(name)? {
+            Some(_) => settings.set_text(name, text)?,
+            None => settings.set(name, units::parse(text, spec(name)?.unit)?)?,
+        }
+    }
+    let point = Point::new(1, &settings, &[])?.with_effects(&strengths(&arguments.effects)?);
+    let request =
+        Request { label: "sim".to_owned(), experiment, point: Arc::new(point), repetition: 1, seed: arguments.seed };
+    let resolved = request.resolve()?;
+    let key = request.key(&resolved)?;
+    let outcome = dem::simulate(&experiment.setup(&resolved)?, arguments.seed)?;
+    let observables = experiment.observables().iter();
+    let measured = experiment.measure(&resolved, &outcome.state, &outcome.trace);
+    let kpis = observables.zip(&measured).map(|(observable, (name, value))| {
+        let entry = match value {
+            Ok(value) => json!({"value": value, "unit": observable.unit}),
+            Err(reason) => json!({"value": Value::Null, "unit": observable.unit, "reason": reason.to_string()}),
+        };
+        ((*name).to_owned(), entry)
+    });
+    let answer = json!({
+        "experiment": experiment.name(),
+        "seed": arguments.seed,
+        "run_key": key.to_string(),
+        "particles": outcome.state.len(),
+        "steps": outcome.steps,
+        "time_s": outcome.time,
+        "stop": format!("{:?}", outcome.stop),
+        "coordination_number": outcome.coordination_number,
+        "max_overlap": outcome.max_overlap,
+        "kpis": kpis.collect::<serde_json::Map<_, _>>(),
+    });
+    let mut out = std::io::stdout().lock();
+    match arguments.json {
+        true => writeln!(out, "{answer}")?,
+        false => write!(out, "{}", text(&answer))?,
+    }
+    Ok(if measured.iter().all(|(_, value)| value.is_ok()) { Outcome::Done } else { Outcome::FailedRuns })
+}
+
+fn strengths(pairs: &[(String, String)]) -> Result<Values, CliError> {
+    let strength = |(name, text): &(String, String)| {
+        let effect = effects::find(name)?;
+        Ok((name.clone(), units::parse(text, effect.unit())?))
+    };
+    pairs.iter().map(strength).collect()
+}
+
+fn text(answer: &Value) -> String {
+    let fact = |name: &str| answer[name].to_string().trim_matches('"').to_owned();
+    let mut text = format!(
+        "{} (seed {}): {} particles, {} steps, {} s simulated, stopped by {}\n",
+        fact("experiment"),
+        fact("seed"),
+        fact("particles"),
+        fact("steps"),
+        fact("time_s"),
+        fact("stop")
+    );
+    for (name, entry) in answer["kpis"].as_object().into_iter().flatten() {
+        let unit = entry["unit"].as_str().unwrap_or_default();
+        let value = match (entry["value"].as_f64(), entry["reason"].as_str()) {
+            (Some(value), _) => units::format(value, unit),
+            (None, reason) => format!("none: {}", reason.unwrap_or("no reason given")),
+        };
+        text += &format!("  {name:<24} {value}\n");
+    }
+    text
+}

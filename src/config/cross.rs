@@ -1,0 +1,209 @@
+//! How the sections of a study fit together: checks that need more than one key.
+//!
+//! Takes what was read without problems; adds a problem for everything that is right by itself and wrong together,
+//! and resolves `"all"` for measured sets, so that a new set makes stale what uses all of them.
+
+use super::nearest::suggestion;
+use super::problem::{Place, Problem};
+use super::read::Reading;
+use super::values::Value;
+use crate::experiments::{self, EXPERIMENTS};
+use crate::settings;
+use crate::units::canonical;
+
+/// Most points of a design: beyond it a typing error is likelier than a wish.
+const MOST_POINTS: u64 = 1_000_000;
+
+/// Checks `reading`, which holds no problems yet, and adds those found. `file` is its name for messages.
+pub fn check(reading: &mut Reading, file: &str) {
+    let mut cross = Cross { reading, file };
+    cross.parameters();
+    cross.design();
+    cross.experiments();
+    cross.measured();
+    cross.priors();
+    cross.counts();
+    cross.diagnosis();
+    cross.apparatus();
+}
+
+struct Cross<'r> {
+    reading: &'r mut Reading,
+    file: &'r str,
+}
+
+impl Cross<'_> {
+    fn problem(&mut self, path: &str, what: String) {
+        let place = self.reading.values.line(path).map_or(Place::File, Place::Line);
+        self.reading.problems.push(Problem { file: self.file.to_owned(), place, what: format!("`{path}`: {what}") });
+    }
+
+    fn parameters(&mut self) {
+        if self.reading.parameters.is_empty() {
+            self.problem(
+                "parameters",
+                "nothing to calibrate; add a section such as [parameters.sliding_friction]".to_owned(),
+            );
+        }
+        for name in self.reading.parameters.clone() {
+            self.bounds(&name);
+            self.fixed_too(&name);
+        }
+    }
+
+    fn bounds(&mut self, name: &str) {
+        let at = |key: &str| format!("parameters.{name}.{key}");
+        let values = &self.reading.values;
+        let (lower, upper) = (values.number(&at("lower")), values.number(&at("upper")));
+        let logarithmic = values.text(&at("scale")) == "log";
+        if lower >= upper {
+            self.problem(
+                &at("lower"),
+                format!("{} is not below the upper bound {}", canonical(lower), canonical(upper)),
+            );
+        }
+        if logarithmic && lower <= 0.0 {
+            self.problem(
+                &at("scale"),
+                "a log scale needs a lower bound above 0; raise it or take \"linear\"".to_owned(),
+            );
+        }
+        let Ok(spec) = settings::spec(name) else { return };
+        for (key, bound) in [("lower", lower), ("upper", upper)] {
+            if !spec.accepts(bound) {
+                self.problem(
+                    &at(key),
+                    format!("{} lies outside the setting's range, {}", canonical(bound), spec.allowed()),
+                );
+            }
+        }
+    }
+
+    fn fixed_too(&mut self, name: &str) {
+        if let Some(line) = self.reading.overrides.get(name) {
+            let line = *line;
+            let what = format!("is calibrated, but [setup] fixes it in line {line}; remove one of the two");
+            self.problem(&format!("parameters.{name}.lower"), what);
+        }
+    }
+
+    fn design(&mut self) {
+        let values = &self.reading.values;
+        let (levels, interior) = (values.count("design.boundary_levels"), values.count("design.interior"));
+        let dimensions = self.reading.parameters.len() as u32;
+        if levels == 1 {
+            self.problem("design.boundary_levels", "one level spans nothing; take 0 (none) or 2 and more".to_owned());
+        }
+        let boundary = if levels == 0 { 0 } else { levels.saturating_pow(dimensions) };
+        let points = boundary.saturating_add(interior);
+        if points > MOST_POINTS {
+            let what =
+                format!("{levels} levels of {dimensions} parameters make {boundary} points; take fewer levels, or 0");
+            self.problem("design.boundary_levels", what);
+        } else if points < u64::from(dimensions) + 2 {
+            let what =
+                format!("{points} points cannot show the slopes of {dimensions} parameters; add interior points");
+            self.problem("design.interior", what);
+        }
+    }
+
+    fn experiments(&mut self) {
+        let held_out = self.reading.values.text("validate.experiment").to_owned();
+        if self.reading.values.words("experiments.fitted").contains(&held_out) {
+            let what = format!("`{held_out}` is fitted too; validation needs an experiment the calibration never sees");
+            self.problem("validate.experiment", what);
+        }
+    }
+
+    fn measured(&mut self) {
+        let sets = self.sets();
+        if sets.is_empty() {
+            self.problem(
+                "measured",
+                "no measured data; add a [[measured]] section with name, path and comparable".to_owned(),
+            );
+        }
+        let line = self.reading.values.line("diagnose.measured").unwrap_or(1);
+        let chosen = self.reading.values.words("diagnose.measured").to_vec();
+        if chosen == ["all"] {
+            self.reading.values.insert("diagnose.measured".to_owned(), Value::Words(sets), line);
+            return;
+        }
+        for name in chosen {
+            self.known_set("diagnose.measured", &name);
+        }
+    }
+
+    fn priors(&mut self) {
+        for id in self.reading.lists.get("prior").cloned().unwrap_or_default() {
+            let at = |key: &str| format!("prior.{id}.{key}");
+            let parameter = self.reading.values.text(&at("parameter")).to_owned();
+            if !self.reading.parameters.contains(&parameter) {
+                let known: Vec<&str> = self.reading.parameters.iter().map(String::as_str).collect();
+                let what = format!("`{parameter}` is no parameter of this study; {}", suggestion(&parameter, &known));
+                self.problem(&at("parameter"), what);
+            }
+            let set = self.reading.values.text(&at("measured")).to_owned();
+            self.known_set(&at("measured"), &set);
+            if self.reading.values.number(&at("sd")) <= 0.0 {
+                self.problem(&at("sd"), "is not above 0; give the scatter of one measurement".to_owned());
+            }
+        }
+    }
+
+    fn known_set(&mut self, path: &str, name: &str) {
+        let sets = self.sets();
+        if !sets.iter().any(|set| set == name) {
+            let known: Vec<&str> = sets.iter().map(String::as_str).collect();
+            self.problem(path, format!("no [[measured]] is called `{name}`; {}", suggestion(name, &known)));
+        }
+    }
+
+    fn sets(&self) -> Vec<String> {
+        self.reading.lists.get("measured").cloned().unwrap_or_default()
+    }
+
+    fn counts(&mut self) {
+        let repetitions = self.reading.values.count("study.repetitions");
+        if self.reading.values.counts("verify.counts").iter().all(|count| *count > repetitions) {
+            let what = format!("none is at most study.repetitions = {repetitions}; add a smaller count");
+            self.problem("verify.counts", what);
+        }
+    }
+
+    fn diagnosis(&mut self) {
+        let values = &self.reading.values;
+        let (kind, accept) = (values.text("diagnose.kind").to_owned(), values.text("effects.accept").to_owned());
+        let (kinds, candidates) =
+            (values.words("metamodel.kinds").to_vec(), values.words("diagnose.candidates").to_vec());
+        if !kinds.contains(&kind) {
+            self.problem(
+                "diagnose.kind",
+                format!("`{kind}` is not trained; add it to metamodel.kinds = {}", kinds.join(", ")),
+            );
+        }
+        if accept != "auto" && accept != "none" && !candidates.contains(&accept) {
+            let what = format!("`{accept}` is not among diagnose.candidates; add it there, or take \"auto\"");
+            self.problem("effects.accept", what);
+        }
+        let active = self.reading.values.numbers_under("effects.active");
+        if candidates.iter().all(|name| active.iter().any(|(effect, strength)| effect == name && *strength != 0.0)) {
+            let what = "every candidate is already active; add one that the model lacks".to_owned();
+            self.problem("diagnose.candidates", what);
+        }
+    }
+
+    /// Settings that are each allowed but together describe no apparatus, for every experiment of the study.
+    fn apparatus(&mut self) {
+        let values = &self.reading.values;
+        let mut names = values.words("experiments.fitted").to_vec();
+        names.push(values.text("validate.experiment").to_owned());
+        let used = EXPERIMENTS.iter().filter(|experiment| names.iter().any(|name| name == experiment.name()));
+        let errors: Vec<experiments::SetupError> =
+            used.filter_map(|experiment| experiment.setup(&self.reading.settings).err()).collect();
+        for error in errors {
+            let known = [error.small, error.large].into_iter().find(|name| self.reading.overrides.contains_key(name));
+            self.problem(&format!("setup.{}", known.unwrap_or(error.small)), format!("{error}; change one of the two"));
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Measured data: what the laboratory found, as single values or as published summaries.
+//!
+//! Takes a CSV or Parquet file, or a folder of them; gives values in SI (angles in degrees) that are known to be right,
+//! or every problem with file, line and remedy. Single values have the columns experiment, repetition, kpi, value, unit;
+//! summaries have experiment, kpi, mean, sd, n, unit; the header decides, and a column `note` may stand in both. `kpi`
+//! is any observable of the experiment, so the extra observables of a test stand beside its KPI.
+//! Deliberately repairs nothing: a row is taken as it stands or refused.
+
+mod raw;
+mod rows;
+#[cfg(test)]
+mod tests;
+
+use super::problem::{Place, Problem, Problems};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// One measured value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredValue {
+    /// Experiment.
+    pub experiment: &'static str,
+    /// Observable.
+    pub kpi: &'static str,
+    /// Repetition, from 1.
+    pub repetition: u32,
+    /// Value in the observable's unit.
+    pub value: f64,
+}
+
+/// Mean and standard deviation of one observable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredSummary {
+    /// Experiment.
+    pub experiment: &'static str,
+    /// Observable.
+    pub kpi: &'static str,
+    /// Unit of mean and standard deviation.
+    pub unit: &'static str,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation (n − 1), positive.
+    pub sd: f64,
+    /// Number of repetitions, at least 2.
+    pub n: u32,
+}
+
+/// A measured data set. Every observable has either single values or a published summary.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// Name in tables and labels.
+    pub name: String,
+    /// Single values, sorted by experiment, kpi and repetition.
+    pub values: Vec<MeasuredValue>,
+    /// Published summaries, sorted by experiment and kpi.
+    pub summaries: Vec<MeasuredSummary>,
+    /// The files it was read from, sorted, for content digests.
+    pub files: Vec<PathBuf>,
+}
+
+impl Measured {
+    /// Reads the data set `name` from a `.csv` or `.parquet` file, or from all such files of a folder.
+    ///
+    /// # Errors
+    /// All problems of all files, sorted by file and line.
+    pub fn read(name: &str, path: &Path) -> Result<Self, Problems> {
+        let files = files_of(path)?;
+        let mut collector = rows::Collector::default();
+        for file in &files {
+            match raw::read(file) {
+                Ok(table) => collector.add(&table),
+                Err(problem) => collector.problem(problem),
+            }
+        }
+        let (values, summaries) = collector.finish()?;
+        Ok(Self { name: name.to_owned(), values, summaries, files })
+    }
+
+    /// Mean, standard deviation and n of every observable, sorted by experiment and kpi: published, or computed from
+    /// all single values in the order of their repetitions.
+    pub fn statistics(&self) -> Vec<MeasuredSummary> {
+        self.statistics_of_first(u32::MAX)
+    }
+
+    /// The same from the first `n` single values of each observable (at least 2); published summaries stay as they are.
+    pub fn statistics_of_first(&self, n: u32) -> Vec<MeasuredSummary> {
+        let computed = self.groups().into_iter().map(|((experiment, kpi), values)| {
+            let count = values.len().min(n.max(2) as usize);
+            summarise(experiment, kpi, &values[..count])
+        });
+        let mut all: Vec<_> = computed.chain(self.summaries.iter().cloned()).collect();
+        all.sort_by_key(|summary| (summary.experiment, summary.kpi));
+        all
+    }
+
+    /// Statistics of one observable, if it was measured.
+    pub fn statistic(&self, kpi: &str) -> Option<MeasuredSummary> {
+        self.statistics().into_iter().find(|summary| summary.kpi == kpi)
+    }
+
+    /// Single values of one observable in the order of their repetitions; empty where only a summary was published.
+    pub fn values_of(&self, kpi: &str) -> Vec<f64> {
+        self.values.iter().filter(|value| value.kpi == kpi).map(|value| value.value).collect()
+    }
+
+    fn groups(&self) -> BTreeMap<(&'static str, &'static str), Vec<f64>> {
+        let mut groups: BTreeMap<_, Vec<f64>> = BTreeMap::new();
+        for value in &self.values {
+            groups.entry((value.experiment, value.kpi)).or_default().push(value.value);
+        }
+        groups
+    }
+}
+
+/// Mean and sample standard deviation in two passes, in the order of the slice (two or more values).
+fn summarise(experiment: &'static str, kpi: &'static str, values: &[f64]) -> MeasuredSummary {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+    let unit = rows::observable(experiment, kpi).map_or("1", |observable| observable.unit);
+    MeasuredSummary { experiment, kpi, unit, mean, sd: (squares / (n - 1.0)).sqrt(), n: values.len() as u32 }
+}
+
+/// The file itself, or the data files of a folder, sorted by name.
+fn files_of(path: &Path) -> Result<Vec<PathBuf>, Problem> {
+    let refuse = |what: String| Problem { file: path.display().to_string(), place: Place::File, what };
+    let cannot = |error: std::io::Error| refuse(format!("cannot be read: {error}; check `path` of its [[measured]]"));
+    if !std::fs::metadata(path).map_err(cannot)?.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let entries = std::fs::read_dir(path).map_err(cannot)?;
+    let mut files: Vec<PathBuf> = Vec::new();
+    for entry in entries {
+        let file = entry.map_err(cannot)?.path();
+        if raw::Format::of(&file).is_some() {
+            files.push(file);
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        Err(refuse("the folder holds no .csv or .parquet file; add one".to_owned()))
+    } else {
+        Ok(files)
+    }
+}

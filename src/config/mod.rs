@@ -1,0 +1,201 @@
+//! Configuration: pipeline.toml as validated types, and the measured data it names.
+//!
+//! Takes the text of a study and its data files; gives a [`Config`] and [`Measured`] sets that cannot be wrong, or all
+//! problems at once, each with file, line and remedy. [`Config::settings_text`] gives the resolved values of sections as
+//! text, for the keys of stages. It starts nothing and writes nothing.
+
+mod check;
+mod cross;
+mod declare;
+pub mod measured;
+mod nearest;
+mod problem;
+mod read;
+pub mod schema;
+pub mod template;
+mod types;
+mod values;
+
+pub use measured::{Measured, MeasuredSummary, MeasuredValue};
+pub use nearest::{nearest, suggestion};
+pub use problem::{Place, Problem, Problems};
+pub use types::{
+    Accept, Approach, Calibrate, Design, Diagnose, Effects, MeasuredSource, Metamodel, MetamodelKind, Parameter, Prior,
+    RbmNoise, Resolution, Scale, Statistics, Study, Thresholds, Validate, Verify,
+};
+
+use crate::experiments::{EXPERIMENTS, Experiment};
+use crate::settings::{self, Settings};
+use read::Reading;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use values::Value;
+
+/// Why there is no configuration.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read the study {file}: {source}; name another with --study, or write one with `granulake init`")]
+    Read {
+        /// The file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file can be read but is wrong.
+    #[error(transparent)]
+    Problems(#[from] Problems),
+}
+
+/// A study that is known to be right.
+///
+/// Fields are read freely; one is made only by [`Config::load`] and [`Config::parse`].
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// What the study is.
+    pub study: Study,
+    /// What is calibrated, sorted by name; at least one.
+    pub parameters: Vec<Parameter>,
+    /// Numbers of sample points.
+    pub design: Design,
+    /// Measured data sets, in the order of the file; at least one.
+    pub measured: Vec<MeasuredSource>,
+    /// Parameters that were measured by themselves.
+    pub priors: Vec<Prior>,
+    /// Intervals.
+    pub statistics: Statistics,
+    /// Metamodels.
+    pub metamodel: Metamodel,
+    /// Calibration.
+    pub calibrate: Calibrate,
+    /// Verification.
+    pub verify: Verify,
+    /// Validation.
+    pub validate: Validate,
+    /// Diagnosis.
+    pub diagnose: Diagnose,
+    /// Effects of the model.
+    pub effects: Effects,
+    reading: Reading,
+    file: PathBuf,
+}
+
+impl Config {
+    /// Reads the study `file`. Paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or all problems in it.
+    pub fn load(file: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(file);
+        let text = text.map_err(|source| ConfigError::Read { file: file.display().to_string(), source })?;
+        Ok(Self::parse(&text, file)?)
+    }
+
+    /// Reads the study `text` as if it stood in `file`.
+    ///
+    /// # Errors
+    /// All problems in it, sorted by line.
+    pub fn parse(text: &str, file: &Path) -> Result<Self, Problems> {
+        let reading = read::read(text, &file.display().to_string());
+        Self::from_reading(reading, file)
+    }
+
+    /// The same study with another number of repetitions, as `--reps` asks for.
+    ///
+    /// # Errors
+    /// A number of 0 or above 100,000, or one below every count of `verify.counts`.
+    pub fn with_repetitions(&self, repetitions: u32) -> Result<Self, Problems> {
+        if !(1..=100_000).contains(&repetitions) {
+            let what = format!("{repetitions} repetitions cannot be run; allowed is 1 to 100000");
+            return Err(Problem { file: "--reps".to_owned(), place: Place::File, what }.into());
+        }
+        let mut reading = self.reading.clone();
+        let line = reading.values.line("study.repetitions").unwrap_or(1);
+        reading.values.insert("study.repetitions".to_owned(), Value::Count(repetitions.into()), line);
+        Self::from_reading(reading, &self.file)
+    }
+
+    /// The experiments whose KPIs are fitted, in the order in which experiments are registered.
+    pub fn experiments(&self) -> Vec<&'static dyn Experiment> {
+        let fitted = self.reading.values.words("experiments.fitted");
+        EXPERIMENTS.iter().copied().filter(|experiment| fitted.iter().any(|name| name == experiment.name())).collect()
+    }
+
+    /// Settings of the model before parameters and effects: the defaults with the overrides of `[setup]`.
+    pub fn base_settings(&self) -> &Settings {
+        &self.reading.settings
+    }
+
+    /// Resolved values, defaults included, of everything at or under the dotted `paths`, such as `design` or
+    /// `effects.active`, as canonical text by full path: equal texts mean equal values.
+    pub fn settings_text(&self, paths: &[&str]) -> BTreeMap<String, String> {
+        self.reading.values.texts(paths)
+    }
+
+    /// The priors that belong to the data set `measured`.
+    pub fn priors_of<'c>(&'c self, measured: &'c str) -> impl Iterator<Item = &'c Prior> {
+        self.priors.iter().filter(move |prior| prior.measured == measured)
+    }
+
+    /// The file the study was read from, as given.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// `path` of the study as seen from the working directory.
+    pub fn resolve(&self, path: &Path) -> PathBuf {
+        self.file.parent().map_or_else(|| path.to_owned(), |folder| folder.join(path))
+    }
+
+    /// Folder of tables, objects and the report.
+    pub fn artifacts(&self) -> PathBuf {
+        self.resolve(&self.study.artifacts)
+    }
+
+    /// Reads every measured data set, in the order of the study.
+    ///
+    /// # Errors
+    /// All problems of all files.
+    pub fn read_measured(&self) -> Result<Vec<Measured>, Problems> {
+        let read = |source: &MeasuredSource| Measured::read(&source.name, &self.resolve(&source.path));
+        let (mut sets, mut problems) = (Vec::new(), Vec::new());
+        for source in &self.measured {
+            match read(source) {
+                Ok(set) => sets.push(set),
+                Err(error) => problems.extend(error.list().iter().cloned()),
+            }
+        }
+        Problems::none_in(problems).map(|()| sets)
+    }
+
+    fn from_reading(mut reading: Reading, file: &Path) -> Result<Self, Problems> {
+        if reading.problems.is_empty() {
+            cross::check(&mut reading, &file.display().to_string());
+        }
+        Problems::none_in(std::mem::take(&mut reading.problems))?;
+        Ok(Self::build(reading, file))
+    }
+
+    fn build(reading: Reading, file: &Path) -> Self {
+        let values = &reading.values;
+        let (study, effects) = (types::study(values), types::effects(values));
+        let specs = reading.parameters.iter().filter_map(|name| settings::spec(name).ok());
+        let ids = |list: &str| reading.lists.get(list).into_iter().flatten();
+        Self {
+            parameters: specs.map(|spec| types::parameter(values, spec)).collect(),
+            design: types::design(values),
+            measured: ids("measured").map(|id| types::measured(values, id)).collect(),
+            priors: ids("prior").filter_map(|id| types::prior(values, id)).collect(),
+            statistics: types::statistics(values),
+            metamodel: types::metamodel(values),
+            calibrate: types::calibrate(values),
+            verify: types::verify(values, study.repetitions),
+            validate: types::validate(values),
+            diagnose: types::diagnose(values, &effects.active),
+            study,
+            effects,
+            file: file.to_owned(),
+            reading,
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Cell list: sorts grains by cell and visits every pair of near neighbours once, in ascending order.
+//!
+//! Takes rows (x, y, z, reach); two grains are near when their distance is below the sum of their reaches. The order of cells
+//! has x fastest, so that the three cells of a row are one contiguous range of grains.
+
+use super::vector::Row4;
+
+/// Cells over the bounding box of the grains.
+#[derive(Debug, Clone, Default)]
+pub struct Grid {
+    lower: [f64; 3],
+    inverse: f64,
+    size: [usize; 3],
+    cell: Vec<u32>,
+    start: Vec<u32>,
+    /// Cell of each grain in sorted order.
+    sorted: Vec<u32>,
+    /// New order: entry k is the old number of the grain that comes k-th.
+    pub order: Vec<u32>,
+}
+
+impl Grid {
+    /// Sorts the grains for which `keep` holds into cells of edge `edge` [m] or larger; stable, so deterministic.
+    pub fn sort(&mut self, rows: &[Row4], keep: &[bool], edge: f64) {
+        self.fit(rows, keep, edge);
+        let cells = self.size[0] * self.size[1] * self.size[2];
+        self.start.clear();
+        self.start.resize(cells + 1, 0);
+        self.cell.clear();
+        for (row, &keep) in rows.iter().zip(keep) {
+            let cell = if keep { self.cell_of(row) } else { cells };
+            self.cell.push(cell as u32);
+            if keep {
+                self.start[cell + 1] += 1;
+            }
+        }
+        for c in 0..cells {
+            self.start[c + 1] += self.start[c];
+        }
+        self.place(cells);
+    }
+
+    /// Writes the order; `start` serves as the cursor and is shifted back afterwards.
+    fn place(&mut self, cells: usize) {
+        let count = self.start[cells] as usize;
+        self.order.clear();
+        self.order.resize(count, 0);
+        self.sorted.clear();
+        self.sorted.resize(count, 0);
+        for (old, &cell) in self.cell.iter().enumerate().filter(|(_, cell)| **cell < cells as u32) {
+            let slot = &mut self.start[cell as usize];
+            self.order[*slot as usize] = old as u32;
+            self.sorted[*slot as usize] = cell;
+            *slot += 1;
+        }
+        self.start.copy_within(0..cells, 1);
+        self.start[0] = 0;
+    }
+
+    /// Chooses origin and number of cells; scattered grains get larger cells rather than more of them.
+    fn fit(&mut self, rows: &[Row4], keep: &[bool], edge: f64) {
+        let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for (row, _) in rows.iter().zip(keep).filter(|(_, keep)| **keep) {
+            for axis in 0..3 {
+                lower[axis] = lower[axis].min(row[axis]);
+                upper[axis] = upper[axis].max(row[axis]);
+            }
+        }
+        let limit = 4096 + 16 * rows.len();
+        let mut edge = edge;
+        loop {
+            self.inverse = 1.0 / edge;
+            for axis in 0..3 {
+                let extent = (upper[axis] - lower[axis]).max(0.0);
+                self.size[axis] = ((extent * self.inverse) as usize).min(limit) + 1;
+            }
+            if self.size[0] * self.size[1] * self.size[2] <= limit {
+                break;
+            }
+            edge *= 1.3;
+        }
+        self.lower = lower;
+    }
+
+    fn cell_of(&self, row: &Row4) -> usize {
+        let index = |axis: usize| (((row[axis] - self.lower[axis]) * self.inverse) as usize).min(self.size[axis] - 1);
+        (index(2) * self.size[1] + index(1)) * self.size[0] + index(0)
+    }
+
+    /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j.
+    pub fn pairs(&self, rows: &[Row4], mut found: impl FnMut(usize, usize)) {
+        let mut ranges = [(0, 0); 5];
+        let mut last = u32::MAX;
+        for (i, &cell) in self.sorted.iter().enumerate() {
+            if cell != last {
+                ranges = self.ranges(cell as usize);
+                last = cell;
+            }
+            ranges[0].0 = i + 1;
+            let a = &rows[i];
+            for &(from, to) in &ranges {
+                for (j, b) in rows[from..to].iter().enumerate() {
+                    if near(a, b) {
+                        found(i, from + j);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The grains that may be near those of a cell and come after them: the rest of its own row, and four rows of three cells.
+    fn ranges(&self, cell: usize) -> [(usize, usize); 5] {
+        let [nx, ny, nz] = self.size;
+        let (x, y, z) = (cell % nx, cell / nx % ny, cell / (nx * ny));
+        let (low, high) = (x.saturating_sub(1), (x + 1).min(nx - 1));
+        let row = |dy: isize, dz: usize| {
+            let (Some(y), z) = (y.checked_add_signed(dy), z + dz) else { return (0, 0) };
+            if y >= ny || z >= nz {
+                return (0, 0);
+            }
+            let base = (z * ny + y) * nx;
+            (self.start[base + low] as usize, self.start[base + high + 1] as usize)
+        };
+        [(0, row(0, 0).1), row(1, 0), row(-1, 1), row(0, 1), row(1, 1)]
+    }
+}
+
+#[inline(always)]
+fn near(a: &Row4, b: &Row4) -> bool {
+    let (x, y, z, reach) = (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]);
+    x * x + y * y + z * z < reach * reach
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Stream;
+
+    #[test]
+    fn every_near_pair_is_found_once_and_in_order() {
+        let mut stream = Stream::new(1, "grid");
+        let mut rows: Vec<Row4> = (0..1000)
+            .map(|_| Row4([stream.uniform(), 0.3 * stream.uniform(), stream.uniform(), stream.uniform_in(0.01, 0.05)]))
+            .collect();
+        let mut grid = Grid::default();
+        grid.sort(&rows, &vec![true; rows.len()], 0.1);
+        rows = grid.order.iter().map(|&k| rows[k as usize]).collect();
+        let mut found = Vec::new();
+        grid.pairs(&rows, |i, j| found.push((i, j)));
+        let all = (0..rows.len()).flat_map(|i| (i + 1..rows.len()).map(move |j| (i, j)));
+        let expected: Vec<_> = all.filter(|&(i, j)| near(&rows[i], &rows[j])).collect();
+        assert!(expected.len() > 800);
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn grains_not_kept_are_left_out_and_far_ones_do_not_blow_up_the_grid() {
+        let rows = [[0.0, 0.0, 0.0, 1e-3], [1e9, 0.0, 0.0, 1e-3], [1e-4, 0.0, 1e9, 1e-3]].map(Row4);
+        let mut grid = Grid::default();
+        grid.sort(&rows, &[true, false, true], 2e-3);
+        assert_eq!(grid.order, [0, 2]);
+    }
+}

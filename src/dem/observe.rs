@@ -1,0 +1,162 @@
+//! What can be read off a world without changing it: energies, overlaps, coordination number, mass in a region.
+
+use super::outcome::Energies;
+use super::setup::{Region, Vec3};
+use super::vector::{Row8, dot, length, sub, xyz};
+use super::walls::keeper;
+use super::world::World;
+
+/// The other side of a contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Other {
+    /// A grain, by its place in the arrays.
+    Grain(usize),
+    /// A wall, by its place in the setup.
+    Wall(usize),
+}
+
+/// A contact as seen from outside.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Number of the grain in order of insertion.
+    pub grain: u32,
+    /// Number of the other grain, or place of the wall in the setup.
+    pub other: Partner,
+    /// Overlap [m].
+    pub overlap: f64,
+    /// Sliding spring, of the motion of `grain` relative to `other` [m].
+    pub sliding_spring: Vec3,
+    /// Rolling spring [m].
+    pub rolling_spring: Vec3,
+}
+
+/// The other side of a [`Contact`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Partner {
+    /// Number of a grain in order of insertion.
+    Grain(u32),
+    /// Place of a wall in the setup.
+    Wall(usize),
+}
+
+impl World {
+    /// Energies of grains and contacts [J].
+    pub fn energies(&self) -> Energies {
+        let mut sum = Energies::default();
+        for i in 0..self.len() {
+            let (v, w) = self.velocities(i);
+            let (mass, inertia) = (self.grains.mass(i), 1.0 / self.grains.spin[i][3]);
+            sum.translational += 0.5 * mass * dot(v, v);
+            sum.rotational += 0.5 * inertia * dot(w, w);
+            sum.potential -= mass * dot(self.gravity, xyz(&self.grains.place[i]));
+        }
+        self.for_each_contact(|_, other, overlap, springs| {
+            let law = if matches!(other, Other::Wall(_)) { &self.law.wall } else { &self.law.pair };
+            let [a, b, c, _, d, e, f, _] = springs.0;
+            let (slide, roll) = (a * a + b * b + c * c, d * d + e * e + f * f);
+            sum.elastic += 0.5 * (law.normal * overlap * overlap + law.sliding * slide + law.rolling * roll);
+        });
+        sum
+    }
+
+    /// Mean number of touching grains and walls per grain [-]; 0 without grains.
+    pub fn coordination_number(&self) -> f64 {
+        let mut touching = 0_u32;
+        self.for_each_contact(|_, other, _, _| touching += if matches!(other, Other::Grain(_)) { 2 } else { 1 });
+        f64::from(touching) / self.len().max(1) as f64
+    }
+
+    /// Largest overlap over the radius of the smaller grain [-].
+    pub fn max_overlap(&self) -> f64 {
+        let mut largest = 0.0;
+        self.for_each_overlap(|_, _, depth| largest = if depth > largest { depth } else { largest });
+        largest
+    }
+
+    /// Mass of the grains whose centre is in the region [kg].
+    pub fn mass_in(&self, region: &Region) -> f64 {
+        let inside = |i: &usize| region.contains(xyz(&self.grains.place[*i]));
+        // Summed in order of insertion, so that the sum does not depend on how the grains were last sorted.
+        let mut masses: Vec<(u32, f64)> =
+            (0..self.len()).filter(inside).map(|i| (self.grains.id[i], self.grains.mass(i))).collect();
+        masses.sort_unstable_by_key(|(id, _)| *id);
+        masses.iter().fold(0.0, |sum, (_, mass)| sum + mass)
+    }
+
+    /// Whether no grain's centre is in the region.
+    pub fn is_clear(&self, region: &Region) -> bool {
+        !self.grains.place.iter().any(|place| region.contains(xyz(place)))
+    }
+
+    /// Sum of m v [kg m/s].
+    pub fn momentum(&self) -> Vec3 {
+        self.sum(|_, mass, v, _| [mass * v[0], mass * v[1], mass * v[2]])
+    }
+
+    /// Sum of x × m v + I ω about the origin [kg m²/s].
+    pub fn angular_momentum(&self) -> Vec3 {
+        self.sum(|i, mass, v, w| {
+            let orbital = super::vector::cross(xyz(&self.grains.place[i]), v);
+            let inertia = 1.0 / self.grains.spin[i][3];
+            [0, 1, 2].map(|c| mass * orbital[c] + inertia * w[c])
+        })
+    }
+
+    fn sum(&self, term: impl Fn(usize, f64, Vec3, Vec3) -> Vec3) -> Vec3 {
+        (0..self.len()).fold([0.0; 3], |sum, i| {
+            let (v, w) = self.velocities(i);
+            super::vector::add(sum, term(i, self.grains.mass(i), v, w))
+        })
+    }
+
+    /// All touching contacts, with their springs.
+    pub fn contacts(&self) -> Vec<Contact> {
+        let mut contacts = Vec::new();
+        self.for_each_contact(|i, other, overlap, &Row8([a, b, c, _, d, e, f, _])| {
+            let id = self.grains.id[i];
+            // Seen from the grain inserted first, whatever their order in the arrays.
+            let (grain, other, sign) = match other {
+                Other::Wall(w) => (id, Partner::Wall(w), 1.0),
+                Other::Grain(j) if id < self.grains.id[j] => (id, Partner::Grain(self.grains.id[j]), 1.0),
+                Other::Grain(j) => (self.grains.id[j], Partner::Grain(id), -1.0),
+            };
+            let sliding_spring = [sign * a, sign * b, sign * c];
+            contacts.push(Contact { grain, other, overlap, sliding_spring, rolling_spring: [d, e, f] });
+        });
+        contacts
+    }
+
+    /// Calls `visit(grain, other, overlap over radius of the smaller)` for every touching contact.
+    pub(super) fn for_each_overlap(&self, mut visit: impl FnMut(usize, Other, f64)) {
+        self.for_each_contact(|i, other, overlap, _| {
+            let own = self.grains.place[i][3];
+            let radius = match other {
+                Other::Grain(j) => own.min(self.grains.place[j][3]),
+                Other::Wall(_) => own,
+            };
+            visit(i, other, overlap / radius);
+        });
+    }
+
+    /// Calls `visit(grain, other, overlap, springs)` for every contact that touched in the last evaluation, in list order.
+    fn for_each_contact(&self, mut visit: impl FnMut(usize, Other, f64, &Row8)) {
+        let history = &self.pairs.history;
+        for (k, &[i, j]) in self.pairs.ends.iter().enumerate().filter(|(k, _)| history.touched[*k] == self.tick) {
+            let (a, b) = (&self.grains.place[i as usize], &self.grains.place[j as usize]);
+            let overlap = a[3] + b[3] - length(sub(xyz(a), xyz(b)));
+            visit(i as usize, Other::Grain(j as usize), overlap, &history.springs[k]);
+        }
+        let history = &self.contacts.history;
+        for (w, wall) in self.walls.iter().enumerate() {
+            for k in self.contacts.of_wall(w).filter(|&k| history.touched[k] == self.tick) {
+                let grain = self.contacts.grain[k] as usize;
+                let place = &self.grains.place[grain];
+                let near = wall.surface.near(xyz(place));
+                let dropped = near.edge && keeper(&self.walls, w, xyz(place), &near).is_some();
+                if !dropped {
+                    visit(grain, Other::Wall(w), place[3] - near.distance, &history.springs[k]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! The grains of a running world: rows of four numbers, one array per kind of row.
+//!
+//! A contact reads a grain's whole row at once, so rows of 32 bytes beat one array per component; the state that leaves the
+//! engine is structure of arrays. Velocities are those of the half step before the positions (leapfrog form of velocity Verlet).
+
+use super::material::sphere_mass;
+use super::setup::Vec3;
+use super::vector::{Row4, Row8};
+
+/// A grain put into a world by hand or by the insertion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grain {
+    /// Radius [m].
+    pub radius: f64,
+    /// Centre [m].
+    pub position: Vec3,
+    /// Velocity [m/s].
+    pub velocity: Vec3,
+    /// Angular velocity [rad/s].
+    pub spin: Vec3,
+    /// Own sliding friction over the law's [-], usually 1.
+    pub sliding_factor: f64,
+    /// Own rolling friction over the law's [-], usually 1.
+    pub rolling_factor: f64,
+}
+
+impl Grain {
+    /// A grain at rest.
+    pub fn new(radius: f64, position: Vec3) -> Self {
+        Self { radius, position, velocity: [0.0; 3], spin: [0.0; 3], sliding_factor: 1.0, rolling_factor: 1.0 }
+    }
+}
+
+/// All grains, one entry per grain in every array, in the order of the last rebuild.
+#[derive(Debug, Clone, Default)]
+pub struct Particles {
+    /// Centre and radius: x, y, z, R [m].
+    pub place: Vec<Row4>,
+    /// Velocity [m/s] and inverse mass [1/kg].
+    pub motion: Vec<Row4>,
+    /// Angular velocity [rad/s] and inverse moment of inertia 5/(2 m R²) [1/(kg m²)].
+    pub spin: Vec<Row4>,
+    /// Force [N], 0, torque [N m], 0.
+    pub load: Vec<Row8>,
+    /// Own sliding and rolling friction over the law's [-].
+    pub friction: Vec<[f64; 2]>,
+    /// Number in order of insertion.
+    pub id: Vec<u32>,
+}
+
+impl Particles {
+    /// Number of grains.
+    pub fn len(&self) -> usize {
+        self.place.len()
+    }
+
+    /// Appends a grain; its number is the count so far.
+    pub fn push(&mut self, grain: &Grain, density: f64) {
+        let mass = sphere_mass(density, grain.radius);
+        let inertia = 0.4 * mass * grain.radius * grain.radius;
+        let row = |v: Vec3, last: f64| Row4([v[0], v[1], v[2], last]);
+        self.id.push(self.len() as u32);
+        self.place.push(row(grain.position, grain.radius));
+        self.motion.push(row(grain.velocity, 1.0 / mass));
+        self.spin.push(row(grain.spin, 1.0 / inertia));
+        self.load.push(Row8::default());
+        self.friction.push([grain.sliding_factor, grain.rolling_factor]);
+    }
+
+    /// Mass of grain `i` [kg].
+    pub fn mass(&self, i: usize) -> f64 {
+        1.0 / self.motion[i][3]
+    }
+
+    /// Becomes `other`'s grains in the given order, keeping only those listed.
+    pub fn gather(&mut self, other: &Self, order: &[u32]) {
+        gather(&mut self.place, &other.place, order);
+        gather(&mut self.motion, &other.motion, order);
+        gather(&mut self.spin, &other.spin, order);
+        gather(&mut self.load, &other.load, order);
+        gather(&mut self.friction, &other.friction, order);
+        gather(&mut self.id, &other.id, order);
+    }
+}
+
+fn gather<T: Copy>(target: &mut Vec<T>, source: &[T], order: &[u32]) {
+    target.clear();
+    target.extend(order.iter().map(|&k| source[k as usize]));
+}

@@ -1,0 +1,128 @@
+//! How far ahead the contact lists look: a skin for every grain from its own speed, and when the lists have expired.
+//!
+//! A pair is listed when its gap is below the sum of the two skins; the lists hold as long as no grain has moved farther than its
+//! skin. Motion common to all grains (a falling cloud) is taken off first, since it changes no gap between grains; for
+//! walls it is added as an allowance, together with the motion of the walls themselves, and the lists expire when that is used up.
+
+use super::particles::Particles;
+use super::setup::Vec3;
+use super::vector::{Row4, dot, length, scale, sub, xyz};
+use super::walls::WallPiece;
+
+/// Steps that a skin should last.
+const HORIZON: f64 = 50.0;
+/// Share of the root mean square speed added to every grain's own: a slow grain may be hit by a fast one.
+const SHARE: f64 = 0.3;
+/// Smallest skin over mean radius.
+const FLOOR: f64 = 2e-3;
+/// Largest skin over mean radius: beyond it more frequent rebuilds are cheaper than longer lists.
+const CAP: f64 = 0.4;
+
+/// Skins and the places from which displacement counts.
+#[derive(Debug, Clone)]
+pub struct Skin {
+    /// Place at the last rebuild and square of the skin, in the order of the grains.
+    base: Vec<Row4>,
+    spare: Vec<f64>,
+    skin: Vec<f64>,
+    floor: f64,
+    cap: f64,
+    time_step: f64,
+    /// Speed gained by a free grain over the horizon [m/s].
+    gain: f64,
+    /// Mean velocity at the last rebuild [m/s].
+    drift: Vec3,
+    /// Allowance for motion against walls [m].
+    allowance: f64,
+    age: u64,
+    lifetime: u64,
+}
+
+impl Skin {
+    /// Skins for grains of this mean radius [m].
+    pub fn new(mean_radius: f64, time_step: f64, gravity: Vec3) -> Self {
+        Self {
+            base: Vec::new(),
+            spare: Vec::new(),
+            skin: Vec::new(),
+            floor: FLOOR * mean_radius,
+            cap: CAP * mean_radius,
+            time_step,
+            gain: 0.5 * HORIZON * time_step * length(gravity),
+            drift: [0.0; 3],
+            allowance: 0.0,
+            age: 0,
+            lifetime: u64::MAX,
+        }
+    }
+
+    /// One step has begun.
+    pub fn age(&mut self) {
+        self.age += 1;
+    }
+
+    /// Whether the motion common to all grains, or of a wall, has used up its allowance.
+    pub fn expired(&self) -> bool {
+        self.age >= self.lifetime
+    }
+
+    /// How far the common motion has carried the grains since the rebuild [m].
+    pub fn offset(&self) -> Vec3 {
+        scale(self.drift, self.age as f64 * self.time_step)
+    }
+
+    /// Rows (x, y, z, skin²) from which displacement counts.
+    pub fn bases(&self) -> &[Row4] {
+        &self.base
+    }
+
+    /// How far from touching a wall grain `i` may be and still be listed [m].
+    pub fn wall_margin(&self, i: usize) -> f64 {
+        self.skin[i] + self.allowance
+    }
+
+    /// Computes skins for the grains as they are, and gives the largest reach R (1 + rupture/2) + skin [m].
+    pub fn renew(&mut self, grains: &Particles, walls: &[WallPiece], rupture: f64) -> f64 {
+        self.age = 0;
+        let share = 1.0 / grains.len().max(1) as f64;
+        let total = grains.motion.iter().fold([0.0; 3], |sum, v| [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]]);
+        self.drift = scale(total, share);
+        let speed = |motion: &Row4| length(sub(xyz(motion), self.drift));
+        let square: f64 = grains.motion.iter().map(|motion| speed(motion) * speed(motion)).sum();
+        let common = SHARE * (square * share).sqrt() + self.gain;
+        let ahead = HORIZON * self.time_step;
+        self.spare.clear();
+        for motion in &grains.motion {
+            self.spare.push((ahead * (speed(motion) + common)).clamp(self.floor, self.cap));
+        }
+        self.allow(walls);
+        let reach = |(skin, place): (&f64, &Row4)| place[3] * (1.0 + 0.5 * rupture) + skin;
+        self.spare.iter().zip(&grains.place).map(reach).fold(self.floor, f64::max)
+    }
+
+    /// Allowance and lifetime from the drift and the fastest wall.
+    fn allow(&mut self, walls: &[WallPiece]) {
+        let fastest =
+            walls.iter().filter(|wall| wall.active).map(|wall| dot(wall.velocity, wall.velocity)).fold(0.0, f64::max);
+        let travel = (length(self.drift) + fastest.sqrt()) * self.time_step;
+        self.allowance = (HORIZON * travel).max(self.floor);
+        // A float too large for the integer saturates, and no motion at all gives a list that lasts for ever.
+        self.lifetime = (self.allowance / travel) as u64;
+    }
+
+    /// Takes the skins into the new order of the grains, and their places as the base.
+    pub fn reorder(&mut self, grains: &Particles, order: &[u32]) {
+        let Self { base, spare, skin, .. } = self;
+        skin.clear();
+        skin.extend(order.iter().map(|&k| spare[k as usize]));
+        base.clear();
+        base.extend(grains.place.iter().zip(&*skin).map(|(p, s)| Row4([p[0], p[1], p[2], s * s])));
+    }
+
+    /// Rows (x, y, z, reach) for the search of pairs.
+    pub fn reaches(&self, place: &[Row4], rupture: f64, rows: &mut Vec<Row4>) {
+        rows.clear();
+        let reach = |radius: f64, skin: f64| radius * (1.0 + 0.5 * rupture) + skin;
+        rows.extend(place.iter().zip(&self.skin).map(|(p, &s)| Row4([p[0], p[1], p[2], reach(p[3], s)])));
+    }
+}

@@ -1,0 +1,138 @@
+//! Checks a setup before it runs: every number finite and in range, every name known, walls well formed.
+
+use super::outcome::Failure;
+use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, SizeDistribution, Vec3, Wall};
+use super::vector::{dot, length};
+
+/// Refuses a setup that contradicts itself.
+///
+/// # Errors
+/// [`Failure::InvalidSetup`] with the first thing that is wrong.
+pub fn validate(setup: &Setup) -> Result<(), Failure> {
+    grains(setup)?;
+    contact(setup)?;
+    positive("time step fraction", setup.time_step_fraction)?;
+    require(
+        setup.gravity.iter().all(|g| g.is_finite()),
+        || "gravity is not finite".into(),
+        "give three finite numbers",
+    )?;
+    setup.walls.iter().enumerate().try_for_each(|(w, piece)| wall(piece, &setup.walls[..w]))?;
+    fill(setup)?;
+    events(setup)?;
+    region("domain", &setup.domain)?;
+    if let Some(trace) = &setup.trace {
+        positive("trace interval", trace.interval)?;
+        region("trace region", &trace.region)?;
+    }
+    positive("time cap", setup.stop.time_cap)?;
+    not_negative("time of the first stop check", setup.stop.check_after)
+}
+
+fn require(holds: bool, what: impl FnOnce() -> String, remedy: &'static str) -> Result<(), Failure> {
+    if holds { Ok(()) } else { Err(Failure::InvalidSetup { what: what(), remedy }) }
+}
+
+fn positive(name: &str, value: f64) -> Result<(), Failure> {
+    require(value.is_finite() && value > 0.0, || format!("{name} is {value}"), "give a finite number above zero")
+}
+
+fn not_negative(name: &str, value: f64) -> Result<(), Failure> {
+    require(value.is_finite() && value >= 0.0, || format!("{name} is {value}"), "give a finite number, zero or more")
+}
+
+fn grains(setup: &Setup) -> Result<(), Failure> {
+    let SizeDistribution::TruncatedNormal { mean, sd, below, above } = setup.grains.size;
+    positive("mean radius", mean)?;
+    not_negative("standard deviation of the radius", sd)?;
+    positive("lower cut of the radius", below)?;
+    positive("upper cut of the radius", above)?;
+    positive("smallest radius", setup.grains.size.smallest())?;
+    positive("particle density", setup.grains.density)?;
+    not_negative("sliding friction spread", setup.grains.sliding_spread)?;
+    not_negative("rolling friction spread", setup.grains.rolling_spread)
+}
+
+fn contact(setup: &Setup) -> Result<(), Failure> {
+    let law = &setup.contact;
+    positive("stiffness", law.stiffness)?;
+    positive("wall stiffness ratio", law.wall_stiffness_ratio)?;
+    positive("sliding stiffness ratio", law.sliding_stiffness_ratio)?;
+    positive("rolling stiffness ratio", law.rolling_stiffness_ratio)?;
+    not_negative("sliding friction", law.sliding_friction)?;
+    not_negative("rolling friction", law.rolling_friction)?;
+    match law.damping {
+        Damping::Ratio(value) | Damping::MeanParticle(value) | Damping::PerMass(value) | Damping::Constant(value) => {
+            not_negative("damping", value)?;
+        }
+        Damping::Restitution(value) => {
+            require(value > 0.0 && value <= 1.0, || format!("restitution is {value}"), "give a number in (0, 1]")?;
+        }
+    }
+    let Some(bridges) = &setup.bridges else { return Ok(()) };
+    not_negative("bond number", bridges.bond_number)?;
+    positive("liquid volume ratio", bridges.volume_ratio)?;
+    not_negative("contact angle", bridges.contact_angle)
+}
+
+fn wall(wall: &Wall, before: &[Wall]) -> Result<(), Failure> {
+    let name = &wall.name;
+    let fresh = before.iter().all(|other| other.name != *name);
+    require(fresh, || format!("two walls are named `{name}`"), "give every wall a name of its own")?;
+    not_negative(&format!("sliding friction of wall `{name}`"), wall.species.sliding_friction)?;
+    not_negative(&format!("rolling friction of wall `{name}`"), wall.species.rolling_friction)?;
+    let real = |v: &Vec3| v.iter().all(|c| c.is_finite());
+    let sound = match &wall.shape {
+        Shape::Plane { point, normal } => real(point) && real(normal) && length(*normal) > 0.0,
+        Shape::Rectangle { corner, edge_u, edge_v } => {
+            let area = length(*edge_u) * length(*edge_v);
+            // Edges written in decimals are perpendicular to rounding only.
+            real(corner) && area > 0.0 && area.is_finite() && dot(*edge_u, *edge_v).abs() <= 1e-9 * area
+        }
+        Shape::Cylinder { axis, radius } => axis.iter().all(|c| c.is_finite()) && radius.is_finite() && *radius > 0.0,
+    };
+    let what = || format!("wall `{name}` is degenerate or not finite: {:?}", wall.shape);
+    require(sound, what, "give non-zero sizes, and a rectangle two perpendicular edges")
+}
+
+fn fill(setup: &Setup) -> Result<(), Failure> {
+    positive("fill volume", setup.fill.volume)?;
+    positive("plane step of the filling", setup.fill.plane_step)?;
+    let sound = match setup.fill.area {
+        FillArea::Rectangle { x, y } => {
+            [x, y].iter().all(|[low, high]| low.is_finite() && high.is_finite() && low < high)
+        }
+        FillArea::Disc { axis, radius } => axis.iter().all(|c| c.is_finite()) && radius.is_finite() && radius > 0.0,
+    };
+    let sound = sound && setup.fill.base.is_finite();
+    require(
+        sound,
+        || format!("fill area {:?} is empty or not finite", setup.fill.area),
+        "give lower before upper bounds",
+    )
+}
+
+fn events(setup: &Setup) -> Result<(), Failure> {
+    for event in &setup.events {
+        not_negative("time of an event", event.time)?;
+        if let Action::RemoveWall { name } | Action::MoveWall { name, .. } = &event.action {
+            let known = setup.walls.iter().any(|wall| wall.name == *name);
+            let names = || setup.walls.iter().map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ");
+            require(
+                known,
+                || format!("an event names wall `{name}`, known are: {}", names()),
+                "use one of these names",
+            )?;
+        }
+        if let Action::MoveWall { name, velocity } = &event.action {
+            let what = || format!("velocity of wall `{name}` is not finite");
+            require(velocity.iter().all(|v| v.is_finite()), what, "give three finite numbers")?;
+        }
+    }
+    Ok(())
+}
+
+fn region(name: &str, region: &Region) -> Result<(), Failure> {
+    let sound = (0..3).all(|axis| region.lower[axis] < region.upper[axis]);
+    require(sound, || format!("{name} is empty: {region:?}"), "give lower before upper bounds")
+}

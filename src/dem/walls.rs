@@ -1,0 +1,249 @@
+//! Wall pieces: where a grain is nearest to them, and which of two pieces a grain touches where they meet.
+//!
+//! Takes a grain's centre, gives distance, normal and foot point. Wall contacts and their springs live in the contact lists.
+//!
+//! **Where two pieces meet.** A rectangle's edge is round: the foot of a grain beside it lies on the edge. Such an edge contact
+//! is dropped when its foot also lies on another piece that is touched with its face, or whose edge is nearer to the grain's
+//! centre, or equally near and earlier in the list. So a grain that crosses the joint of two coplanar rectangles, or an outer corner, always has one contact; in an inner
+//! corner it has two, as it should. The dropped contact inherits the springs of the kept one, so that nothing is lost
+//! on the way across. Pieces may share edges; they must not overlap with their faces.
+
+use super::setup::{Shape, Vec3, Wall, WallSpecies};
+use super::vector::{add, cross, dot, length, scale, sub};
+
+/// Two points closer than this are one point [m]: far above rounding of coordinates in metres, far below an overlap.
+const SAME_POINT: f64 = 1e-9;
+
+/// A wall in a running world.
+#[derive(Debug, Clone)]
+pub struct WallPiece {
+    /// Name given in the setup.
+    pub name: String,
+    /// Friction.
+    pub species: WallSpecies,
+    /// Velocity [m/s].
+    pub velocity: Vec3,
+    /// Whether it is still there.
+    pub active: bool,
+    /// Where it is now.
+    pub surface: Surface,
+}
+
+/// A shape prepared for distances: directions are unit vectors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Surface {
+    /// Infinite plane.
+    Plane {
+        /// A point of it [m].
+        point: Vec3,
+        /// Unit normal, towards the grains.
+        normal: Vec3,
+    },
+    /// Bounded rectangle.
+    Rectangle {
+        /// Corner [m].
+        corner: Vec3,
+        /// Unit direction of the first edge.
+        u: Vec3,
+        /// Unit direction of the second edge.
+        v: Vec3,
+        /// Lengths of the edges [m].
+        size: [f64; 2],
+    },
+    /// Inside of a vertical cylinder.
+    Cylinder {
+        /// Axis [m].
+        axis: [f64; 2],
+        /// Radius [m].
+        radius: f64,
+    },
+}
+
+/// Nearest point of a surface as seen from a grain's centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Near {
+    /// Distance of the centre, negative behind a plane or outside a cylinder [m].
+    pub distance: f64,
+    /// Unit vector from the surface to the centre.
+    pub normal: Vec3,
+    /// Whether the nearest point lies on an edge, where another piece may begin.
+    pub edge: bool,
+}
+
+impl WallPiece {
+    /// A wall of a setup, at rest.
+    pub fn new(wall: &Wall) -> Self {
+        Self {
+            name: wall.name.clone(),
+            species: wall.species,
+            velocity: [0.0; 3],
+            active: true,
+            surface: Surface::new(&wall.shape),
+        }
+    }
+
+    /// Moves the wall by its velocity over a time [s].
+    pub fn advance(&mut self, time: f64) {
+        if self.velocity != [0.0; 3] {
+            self.surface.shift(scale(self.velocity, time));
+        }
+    }
+}
+
+impl Surface {
+    /// Prepares a shape.
+    pub fn new(shape: &Shape) -> Self {
+        match *shape {
+            Shape::Plane { point, normal } => Self::Plane { point, normal: unit(normal) },
+            Shape::Rectangle { corner, edge_u, edge_v } => {
+                Self::Rectangle { corner, u: unit(edge_u), v: unit(edge_v), size: [length(edge_u), length(edge_v)] }
+            }
+            Shape::Cylinder { axis, radius } => Self::Cylinder { axis, radius },
+        }
+    }
+
+    /// Moves the surface; a cylinder is endless in z and moves sideways only.
+    fn shift(&mut self, by: Vec3) {
+        match self {
+            Self::Plane { point, .. } => *point = add(*point, by),
+            Self::Rectangle { corner, .. } => *corner = add(*corner, by),
+            Self::Cylinder { axis, .. } => *axis = [axis[0] + by[0], axis[1] + by[1]],
+        }
+    }
+
+    /// Nearest point as seen from `centre`.
+    #[inline]
+    pub fn near(&self, centre: Vec3) -> Near {
+        match *self {
+            Self::Plane { point, normal } => near_plane(point, normal, centre),
+            Self::Rectangle { corner, u, v, size } => near_rectangle(corner, u, v, size, centre),
+            Self::Cylinder { axis, radius } => near_cylinder(axis, radius, centre),
+        }
+    }
+}
+
+fn unit(a: Vec3) -> Vec3 {
+    scale(a, 1.0 / length(a))
+}
+
+/// Distance s = (x - p)·n.
+#[inline(always)]
+pub fn near_plane(point: Vec3, normal: Vec3, centre: Vec3) -> Near {
+    Near { distance: dot(sub(centre, point), normal), normal, edge: false }
+}
+
+/// Distance to the point `corner + a u + b v` with a, b clamped to the rectangle.
+#[inline(always)]
+pub fn near_rectangle(corner: Vec3, u: Vec3, v: Vec3, size: [f64; 2], centre: Vec3) -> Near {
+    let from = sub(centre, corner);
+    let (a, edge_u) = clamp(dot(from, u), size[0]);
+    let (b, edge_v) = clamp(dot(from, v), size[1]);
+    let gap = sub(sub(from, scale(u, a)), scale(v, b));
+    let distance = length(gap);
+    // A centre exactly on the plate has no direction of its own; the face normal is as good as its opposite.
+    let normal = if distance > 0.0 { scale(gap, 1.0 / distance) } else { cross(u, v) };
+    Near { distance, normal, edge: edge_u || edge_v }
+}
+
+/// Distance R - ρ from the inside; the normal points to the axis.
+#[inline(always)]
+pub fn near_cylinder(axis: [f64; 2], radius: f64, centre: Vec3) -> Near {
+    let (x, y) = (centre[0] - axis[0], centre[1] - axis[1]);
+    let rho = (x * x + y * y).sqrt();
+    // On the axis every direction is the same.
+    let inverse = if rho > 0.0 { 1.0 / rho } else { 0.0 };
+    Near { distance: radius - rho, normal: [-x * inverse, -y * inverse, 0.0], edge: false }
+}
+
+/// The nearest value in [0, size], and whether it is on the boundary (within rounding).
+#[inline(always)]
+fn clamp(value: f64, size: f64) -> (f64, bool) {
+    let edge = value <= SAME_POINT || value >= size - SAME_POINT;
+    (
+        if value < 0.0 {
+            0.0
+        } else if value > size {
+            size
+        } else {
+            value
+        },
+        edge,
+    )
+}
+
+/// The wall that a grain really touches where its edge contact with `wall` falls on another piece, if so.
+///
+/// A piece touched with its face always wins over an edge that lies on it. Of two edges the nearer wins, then the earlier: an exact
+/// comparison of the same two numbers from either side, so that never both are dropped or both kept.
+pub fn keeper(walls: &[WallPiece], wall: usize, centre: Vec3, near: &Near) -> Option<usize> {
+    let foot = sub(centre, scale(near.normal, near.distance));
+    walls.iter().enumerate().position(|(other, piece)| {
+        if other == wall || !piece.active || piece.surface.near(foot).distance.abs() > SAME_POINT {
+            return false;
+        }
+        let rival = piece.surface.near(centre);
+        !rival.edge || rival.distance < near.distance || (rival.distance == near.distance && other < wall)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn piece(name: &str, corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> WallPiece {
+        let species = WallSpecies { sliding_friction: 0.5, rolling_friction: 1.0 };
+        WallPiece::new(&Wall { name: name.to_owned(), shape: Shape::Rectangle { corner, edge_u, edge_v }, species })
+    }
+
+    /// Two coplanar squares that share the edge x = 1, and a wall that rises from it.
+    fn pieces() -> Vec<WallPiece> {
+        vec![
+            piece("left", [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
+            piece("right", [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
+            piece("down", [2.0, 0.0, -1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]),
+        ]
+    }
+
+    /// Walls kept by a grain of radius 0.1 at `centre`.
+    fn kept(centre: Vec3) -> Vec<usize> {
+        let walls = pieces();
+        (0..walls.len())
+            .filter(|&w| {
+                let near = walls[w].surface.near(centre);
+                near.distance < 0.1 && !(near.edge && keeper(&walls, w, centre, &near).is_some())
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_coplanar_joint_gives_one_contact_on_either_side_and_on_top_of_it() {
+        assert_eq!(kept([0.98, 0.5, 0.09]), [0]);
+        assert_eq!(kept([1.0, 0.5, 0.09]), [0]);
+        assert_eq!(kept([1.02, 0.5, 0.09]), [1]);
+        // Offsets around every scale at which a tolerance could flip the choice.
+        for power in 3..18 {
+            let offset = (0..power).fold(1.0, |x, _| x * 0.1);
+            assert_eq!(kept([1.0 - offset, 0.5, 0.09]).len(), 1, "offset -{offset}");
+            assert_eq!(kept([1.0 + offset, 0.5, 0.09]).len(), 1, "offset {offset}");
+        }
+    }
+
+    #[test]
+    fn an_outer_corner_gives_one_contact_all_the_way_round() {
+        assert_eq!(kept([1.98, 0.5, 0.09]), [1]);
+        assert_eq!(kept([2.05, 0.5, 0.05]), [1]);
+        assert_eq!(kept([2.09, 0.5, -0.02]), [2]);
+    }
+
+    #[test]
+    fn an_inner_corner_gives_two_contacts() {
+        assert_eq!(kept([1.92, 0.5, -0.09]), [1, 2]);
+    }
+
+    #[test]
+    fn a_free_edge_pushes_away_from_the_edge() {
+        let near = pieces()[0].surface.near([-0.03, 0.5, 0.04]);
+        assert!((near.distance - 0.05).abs() < 1e-15 && near.edge);
+        assert!((near.normal[0] + 0.6).abs() < 1e-12 && (near.normal[2] - 0.8).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,147 @@
+//! Parts that the four apparatuses share: grains, contact law, plates, walls, filling and deletion from the settings.
+
+use super::SetupError;
+use super::profile::DEGREES;
+use crate::dem::{
+    Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Shape, SizeDistribution,
+    Vec3, Wall, WallSpecies,
+};
+use crate::settings::{Settings, spec};
+
+/// Loosest insertion that is expected: grain volume over volume of the cloud; the apparatus is as tall as that needs.
+const LOOSEST_CLOUD: f64 = 0.08;
+
+/// Grains, with every radius times `scale`.
+pub fn grains(settings: &Settings, scale: f64) -> Grains {
+    Grains {
+        size: SizeDistribution::TruncatedNormal {
+            mean: settings["radius_mean"] * scale,
+            sd: settings["radius_sd"] * scale,
+            below: settings["radius_cut_below"],
+            above: settings["radius_cut_above"],
+        },
+        density: settings["particle_density"],
+        sliding_spread: settings["friction_spread_cv"],
+        rolling_spread: settings["friction_spread_cv"],
+    }
+}
+
+/// Contact law; k_p ∝ r by eq. 1, so it carries the same scale as the radii.
+pub fn contact(settings: &Settings, scale: f64) -> ContactLaw {
+    ContactLaw {
+        stiffness: settings["normal_stiffness"] * scale * settings["stiffness_scale"],
+        wall_stiffness_ratio: settings["wall_stiffness_ratio"],
+        sliding_stiffness_ratio: settings["sliding_stiffness_ratio"],
+        rolling_stiffness_ratio: settings["rolling_stiffness_ratio"],
+        sliding_friction: settings["sliding_friction"],
+        rolling_friction: settings["rolling_friction"],
+        damping: damping(settings),
+        clip_normal: settings.is("clip_normal_force", "yes"),
+    }
+}
+
+fn damping(settings: &Settings) -> Damping {
+    let value = settings["damping"];
+    let reading = |word| settings.is("damping_reading", word);
+    if reading("mean_particle") {
+        Damping::MeanParticle(value)
+    } else if reading("per_mass") {
+        Damping::PerMass(value)
+    } else if reading("constant") {
+        Damping::Constant(value)
+    } else if reading("restitution") {
+        Damping::Restitution(value)
+    } else {
+        Damping::Ratio(value)
+    }
+}
+
+/// Liquid bridges; none at a Bond number of 0.
+pub fn bridges(settings: &Settings) -> Option<LiquidBridges> {
+    let bond_number = settings["bond_number"];
+    (bond_number > 0.0).then(|| LiquidBridges {
+        bond_number,
+        volume_ratio: settings["liquid_volume_ratio"],
+        contact_angle: settings["contact_angle"] / DEGREES,
+    })
+}
+
+/// Gravity in the frame of the apparatus, g (sin τ, 0, −cos τ) at tilt τ.
+pub fn gravity(settings: &Settings) -> Vec3 {
+    let (g, tilt) = (settings["gravity"], settings["tilt"] / DEGREES);
+    [g * libm::sin(tilt), 0.0, -g * libm::cos(tilt)]
+}
+
+/// Friction of the wall material `name`, times `scale`; rolling is `wall_rolling_ratio` times sliding (section 3.1).
+pub fn species(settings: &Settings, name: &str, scale: f64) -> WallSpecies {
+    let sliding_friction = settings[name] * scale;
+    WallSpecies { sliding_friction, rolling_friction: settings["wall_rolling_ratio"] * sliding_friction }
+}
+
+/// Front plate at y = 0 and back plate at y = `depth`, of acrylic.
+pub fn plates(settings: &Settings, depth: f64) -> [Wall; 2] {
+    let acrylic = species(settings, "wall_friction_acrylic", settings["front_back_friction_scale"]);
+    [plane("front", [0.0; 3], [0.0, 1.0, 0.0], acrylic), plane("back", [0.0, depth, 0.0], [0.0, -1.0, 0.0], acrylic)]
+}
+
+/// An infinite plane.
+pub fn plane(name: &str, point: Vec3, normal: Vec3, species: WallSpecies) -> Wall {
+    Wall { name: name.to_owned(), shape: Shape::Plane { point, normal }, species }
+}
+
+/// A rectangle over the whole `depth`, whose section is the line from `from` to `to`, each (x, z).
+pub fn sheet(name: &str, from: [f64; 2], to: [f64; 2], depth: f64, species: WallSpecies) -> Wall {
+    let shape = Shape::Rectangle {
+        corner: [from[0], 0.0, from[1]],
+        edge_u: [to[0] - from[0], 0.0, to[1] - from[1]],
+        edge_v: [0.0, depth, 0.0],
+    };
+    Wall { name: name.to_owned(), shape, species }
+}
+
+/// Filling of `area` from `base` upwards so that a bed of `bed_volume` [m³] will be more than full.
+pub fn fill(settings: &Settings, area: FillArea, base: f64, bed_volume: f64) -> Fill {
+    Fill { area, base, plane_step: settings["insertion_step"], volume: settings["insertion_ratio"] * bed_volume }
+}
+
+/// Height that no inserted grain exceeds, for walls and domain: the cloud at its loosest, and some grains.
+pub fn top(fill: &Fill, ground: f64, grains: &Grains) -> f64 {
+    fill.base + fill.volume / (ground * LOOSEST_CLOUD) + 10.0 * grains.size.largest()
+}
+
+/// Taking away what lies above `height`.
+pub fn deletion(settings: &Settings, time: f64, height: f64) -> Event {
+    let reference = if settings.is("deletion_reference", "top") { Reference::Top } else { Reference::Centre };
+    Event { time, action: Action::DeleteAbove { height, reference } }
+}
+
+/// Opening by taking the wall `name` away.
+pub fn removal(time: f64, name: &str) -> Event {
+    Event { time, action: Action::RemoveWall { name: name.to_owned() } }
+}
+
+/// Checks that of each pair of settings the first is below the second.
+///
+/// # Errors
+/// The first pair that is not.
+pub fn ordered(
+    experiment: &'static str,
+    settings: &Settings,
+    pairs: &[(&'static str, &'static str)],
+) -> Result<(), SetupError> {
+    let wrong = pairs.iter().find(|(small, large)| settings[small] >= settings[large]);
+    wrong.map_or(Ok(()), |(small, large)| {
+        let unit = spec(small).map_or("", |spec| spec.unit);
+        Err(SetupError { experiment, small, low: settings[small], large, high: settings[large], unit })
+    })
+}
+
+/// Mass of a grain, ρ_p 4/3 π r³ [kg].
+pub fn mass(settings: &Settings, radius: f64) -> f64 {
+    settings["particle_density"] * volume(radius)
+}
+
+/// Volume of a sphere [m³].
+pub fn volume(radius: f64) -> f64 {
+    4.0 / 3.0 * std::f64::consts::PI * radius * radius * radius
+}

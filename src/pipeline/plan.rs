@@ -1,0 +1,225 @@
+//! What is stale and why, without doing anything.
+
+use super::Study;
+use crate::canonical::{Digest, Encoder, digest};
+use crate::stages::{STAGES, Stage, table_file};
+use crate::store::{Lock, StageLock, lock::Change};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::PathBuf;
+
+const MEASURED_CONTEXT: &str = "granulake 2026 measured data v1";
+const STAGE_CONTEXT: &str = "granulake 2026 stage key v1";
+
+/// Where a stage stands.
+#[derive(Debug, Clone, PartialEq)]
+pub enum State {
+    /// Its outputs belong to its settings and inputs.
+    Fresh,
+    /// It has to run, for these reasons.
+    Stale(Vec<Reason>),
+    /// Earlier stages have to run first; whether this one has to is known then.
+    Waiting(Vec<&'static str>),
+}
+
+/// Why a stage is stale.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Reason {
+    /// It never ran.
+    NeverRan,
+    /// Its code has a new version.
+    Version {
+        /// Version in the lock.
+        old: u32,
+        /// Version now.
+        new: u32,
+    },
+    /// A setting changed.
+    Setting(Change),
+    /// An input has other content.
+    Input(String),
+    /// An output is missing or has another size.
+    Output(String),
+}
+
+/// One stage of a plan.
+#[derive(Debug, Clone)]
+pub struct Step {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Where it stands.
+    pub state: State,
+}
+
+/// A stage's key with what it is made of.
+#[derive(Debug, Clone)]
+pub struct Recipe {
+    /// Key of the stage.
+    pub key: Digest,
+    /// Settings as text.
+    pub settings: BTreeMap<String, String>,
+    /// Digests of the inputs, by path or name.
+    pub inputs: BTreeMap<String, Digest>,
+}
+
+impl State {
+    /// One word.
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Fresh => "fresh",
+            Self::Stale(_) => "stale",
+            Self::Waiting(_) => "waiting",
+        }
+    }
+
+    /// The reasons in words, empty when fresh.
+    pub fn detail(&self) -> String {
+        match self {
+            Self::Fresh => String::new(),
+            Self::Stale(reasons) => reasons.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
+            Self::Waiting(stages) => format!("after {}", stages.join(", ")),
+        }
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "unset".to_owned());
+        match self {
+            Self::NeverRan => write!(f, "never ran"),
+            Self::Version { old, new } => write!(f, "stage version {old} -> {new}"),
+            Self::Setting(change) => write!(f, "{}: {} -> {}", change.name, text(&change.old), text(&change.new)),
+            Self::Input(name) => write!(f, "{name} changed"),
+            Self::Output(path) => write!(f, "{path} is missing or has another size"),
+        }
+    }
+}
+
+/// Every stage with its state, in order.
+pub fn assess(study: &Study, lock: &Lock) -> Vec<Step> {
+    let mut steps: Vec<Step> = Vec::new();
+    for stage in STAGES {
+        let unsettled: Vec<&'static str> = steps
+            .iter()
+            .filter(|step| step.state != State::Fresh && feeds(step.stage, stage))
+            .map(|step| step.stage)
+            .collect();
+        let state = if unsettled.is_empty() { assess_stage(study, lock, stage) } else { State::Waiting(unsettled) };
+        steps.push(Step { stage: stage.name, state });
+    }
+    steps
+}
+
+/// The state of one stage whose inputs are settled.
+pub fn assess_stage(study: &Study, lock: &Lock, stage: &Stage) -> State {
+    let Some(locked) = lock.stages.get(stage.name) else { return State::Stale(vec![Reason::NeverRan]) };
+    let mut reasons = Vec::new();
+    let recipe = recipe(study, lock, stage);
+    if recipe.key != locked.key {
+        reasons = differences(stage, locked, &recipe);
+    }
+    let missing = locked.outputs.iter().filter(|(path, output)| !study.store().has_output(path, output));
+    reasons.extend(missing.map(|(path, _)| Reason::Output(path.clone())));
+    if reasons.is_empty() { State::Fresh } else { State::Stale(reasons) }
+}
+
+/// The key of a stage from its settings and from what the lock says of its inputs.
+pub fn recipe(study: &Study, lock: &Lock, stage: &Stage) -> Recipe {
+    let settings = (stage.settings)(&study.config);
+    let outputs: BTreeMap<&str, Digest> = lock.outputs().map(|(_, path, output)| (path, output.digest)).collect();
+    let mut inputs: BTreeMap<String, Digest> = stage
+        .reads
+        .iter()
+        .map(|table| table_file(table.name))
+        .filter_map(|path| outputs.get(path.as_str()).map(|digest| (path.clone(), *digest)))
+        .collect();
+    if stage.measured {
+        inputs.extend(study.measured.iter().map(|set| (format!("measured {}", set.name), content(&set.files))));
+    }
+    Recipe { key: key(stage, &settings, &inputs), settings, inputs }
+}
+
+/// Digest of the bytes of some files, whatever they are called. A file that is gone counts as empty: reading the data
+/// has failed by then with a better message.
+fn content(files: &[PathBuf]) -> Digest {
+    let mut encoder = Encoder::new();
+    encoder.list(files.len());
+    for file in files {
+        encoder.bytes(&std::fs::read(file).unwrap_or_default());
+    }
+    digest(MEASURED_CONTEXT, &encoder)
+}
+
+fn key(stage: &Stage, settings: &BTreeMap<String, String>, inputs: &BTreeMap<String, Digest>) -> Digest {
+    let mut encoder = Encoder::new();
+    encoder.str(stage.name).u64(u64::from(stage.version)).list(settings.len());
+    for (name, value) in settings {
+        encoder.str(name).str(value);
+    }
+    encoder.list(inputs.len());
+    for (name, digest) in inputs {
+        encoder.str(name).bytes(&digest.0);
+    }
+    digest(STAGE_CONTEXT, &encoder)
+}
+
+fn differences(stage: &Stage, locked: &StageLock, now: &Recipe) -> Vec<Reason> {
+    let mut reasons = Vec::new();
+    if locked.version != stage.version {
+        reasons.push(Reason::Version { old: locked.version, new: stage.version });
+    }
+    reasons.extend(locked.changes(&now.settings).into_iter().map(Reason::Setting));
+    let names = locked.inputs.keys().chain(now.inputs.keys().filter(|name| !locked.inputs.contains_key(*name)));
+    let changed = names.filter(|name| locked.inputs.get(*name) != now.inputs.get(*name));
+    reasons.extend(changed.map(|name| Reason::Input(name.clone())));
+    reasons
+}
+
+/// Whether `stage` reads, directly or through others, what `earlier` writes.
+pub fn feeds(earlier: &str, stage: &Stage) -> bool {
+    let Some(earlier) = crate::stages::find(earlier) else { return false };
+    let mut reached: Vec<&str> = earlier.writes.iter().map(|table| table.name).collect();
+    for next in STAGES {
+        let reads = next.reads.iter().any(|table| reached.contains(&table.name));
+        if reads && next.name == stage.name {
+            return true;
+        }
+        if reads {
+            reached.extend(next.writes.iter().map(|table| table.name));
+        }
+    }
+    false
+}
+
+/// The stages that `target` needs, itself included, in order; all stages without a target.
+pub fn selection(target: Option<&'static Stage>) -> Vec<&'static Stage> {
+    let wanted = |stage: &Stage| target.is_none_or(|target| stage.name == target.name || feeds(stage.name, target));
+    STAGES.iter().copied().filter(|stage| wanted(stage)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stage(name: &str) -> &'static Stage {
+        crate::stages::find(name).unwrap()
+    }
+
+    #[test]
+    fn data_flow_one_way() {
+        assert!(feeds("sample", stage("simulate")));
+        assert!(feeds("sample", stage("report")));
+        assert!(!feeds("report", stage("sample")));
+        assert!(!feeds("verify", stage("verify")));
+        let names: Vec<_> = selection(Some(stage("aggregate"))).iter().map(|stage| stage.name).collect();
+        assert_eq!(names, ["sample", "simulate", "kpi", "aggregate"]);
+        assert_eq!(selection(None).len(), STAGES.len());
+    }
+
+    #[test]
+    fn reasons_name_old_and_new_values() {
+        let change = Change { name: "study.repetitions".into(), old: Some("3".into()), new: Some("5".into()) };
+        assert_eq!(Reason::Setting(change).to_string(), "study.repetitions: 3 -> 5");
+        assert_eq!(Reason::Version { old: 1, new: 2 }.to_string(), "stage version 1 -> 2");
+    }
+}

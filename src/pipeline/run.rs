@@ -1,0 +1,181 @@
+//! Bringing stages up to date.
+
+use super::plan::{Recipe, State, assess_stage, recipe, selection};
+use super::study::{PipelineError, Study};
+use crate::campaign::{Campaign, Options};
+use crate::canonical::{Digest, Encoder, digest};
+use crate::stages::{Outputs, Stage, table_file};
+use crate::store::{Ledger, Lock, Output, StageLock};
+use crate::table;
+use std::collections::BTreeMap;
+
+table! {
+    /// What a stage gave for a key, so that a key seen before is put back without running.
+    pub struct OutputRecord in "ledger_stages" version 1 keyed by stage_key sorted by (stage_key, path) {
+        /// Key of the stage.
+        stage_key: String [""],
+        /// File, relative to the artifacts directory.
+        path: String [""],
+        /// Digest of its bytes, an object of the store.
+        digest: String [""],
+    }
+}
+
+/// What happened to a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// It was up to date.
+    Kept,
+    /// Its outputs were put back from the store.
+    Restored,
+    /// It ran.
+    Ran,
+}
+
+impl Action {
+    /// One word.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Kept => "fresh",
+            Self::Restored => "restored",
+            Self::Ran => "ran",
+        }
+    }
+}
+
+/// What to bring up to date and how.
+#[derive(Clone, Copy, Default)]
+pub struct Request {
+    /// The last stage; all when none is given.
+    pub target: Option<&'static Stage>,
+    /// Run the target (or everything) even if it is up to date, and compare the bytes.
+    pub force: bool,
+    /// How runs are made.
+    pub options: Options,
+}
+
+/// Brings the stages up to date one by one; `report` hears of each. What is done is locked at once, so that a later
+/// failure or a kill loses nothing.
+///
+/// # Errors
+/// The first stage that fails, or a store that cannot be written.
+pub fn repro(
+    study: &Study,
+    request: &Request,
+    mut report: impl FnMut(&'static str, Action),
+) -> Result<(), PipelineError> {
+    let mut lock = study.lock()?;
+    let mut driver: Option<Driver> = None;
+    for stage in selection(request.target) {
+        let forced = request.force && request.target.is_none_or(|target| target.name == stage.name);
+        if !forced && assess_stage(study, &lock, stage) == State::Fresh {
+            report(stage.name, Action::Kept);
+            continue;
+        }
+        let driver = match &mut driver {
+            Some(driver) => driver,
+            none => none.insert(Driver::open(study, request.options)?),
+        };
+        let action = driver.update(&mut lock, stage, forced)?;
+        report(stage.name, action);
+    }
+    match driver {
+        Some(driver) => driver.finish(),
+        None => Ok(()),
+    }
+}
+
+/// The open store while stages run.
+struct Driver<'a> {
+    study: &'a Study,
+    campaign: Campaign,
+    outputs: Ledger<OutputRecord>,
+}
+
+impl<'a> Driver<'a> {
+    fn open(study: &'a Study, options: Options) -> Result<Self, PipelineError> {
+        study.store().claim()?;
+        let campaign = study.campaign(options)?;
+        Ok(Self { study, campaign, outputs: study.store().ledger("stages")? })
+    }
+
+    fn finish(self) -> Result<(), PipelineError> {
+        self.outputs.compact()?;
+        Ok(self.campaign.compact()?)
+    }
+
+    /// Puts the outputs of `stage` in place and into the lock.
+    fn update(&self, lock: &mut Lock, stage: &'static Stage, forced: bool) -> Result<Action, PipelineError> {
+        let recipe = recipe(self.study, lock, stage);
+        let known = if forced { None } else { self.restore(&recipe)? };
+        let (outputs, action) = match known {
+            Some(outputs) => (outputs, Action::Restored),
+            None => (self.run(stage, &recipe)?, Action::Ran),
+        };
+        let locked = StageLock {
+            key: recipe.key,
+            version: stage.version,
+            settings: recipe.settings,
+            inputs: recipe.inputs,
+            outputs,
+        };
+        lock.stages.insert(stage.name.to_owned(), locked);
+        lock.write(self.study.lock_path())?;
+        Ok(action)
+    }
+
+    /// Copies the outputs of a key seen before out of the store; `None` if the key is new or an object is gone.
+    fn restore(&self, recipe: &Recipe) -> Result<Option<BTreeMap<String, Output>>, PipelineError> {
+        let Some(records) = self.outputs.get(&recipe.key.to_string()) else { return Ok(None) };
+        let mut outputs = BTreeMap::new();
+        for record in records.iter() {
+            let Ok(digest) = record.digest.parse::<Digest>() else { return Ok(None) };
+            let Ok(bytes) = self.study.store().object(&digest) else { return Ok(None) };
+            outputs.insert(record.path.clone(), self.study.store().publish(&record.path, &bytes)?);
+        }
+        Ok(Some(outputs))
+    }
+
+    fn run(&self, stage: &'static Stage, recipe: &Recipe) -> Result<BTreeMap<String, Output>, PipelineError> {
+        let context = self.study.context(&self.campaign);
+        let outputs = (stage.run)(&context).map_err(|source| PipelineError::Stage { stage: stage.name, source })?;
+        let files = files(outputs);
+        let mut records = Vec::new();
+        for (path, bytes) in &files {
+            let digest = self.study.store().put_object(bytes)?.to_string();
+            records.push(OutputRecord { stage_key: recipe.key.to_string(), path: path.clone(), digest });
+        }
+        self.check_same_bytes(stage, recipe, &records)?;
+        self.outputs.append(&records)?;
+        files.iter().map(|(path, bytes)| Ok((path.clone(), self.study.store().publish(path, bytes)?))).collect()
+    }
+
+    /// The same key must give the same bytes.
+    fn check_same_bytes(
+        &self,
+        stage: &'static Stage,
+        recipe: &Recipe,
+        now: &[OutputRecord],
+    ) -> Result<(), PipelineError> {
+        let Some(before) = self.outputs.get(&recipe.key.to_string()) else { return Ok(()) };
+        let changed = before.iter().zip(now).find(|(old, new)| old != new);
+        changed.map_or(Ok(()), |(old, new)| {
+            let digest = |text: &str| text.parse().unwrap_or_else(|_| digest("unreadable", &Encoder::new()));
+            Err(PipelineError::Nondeterminism {
+                stage: stage.name,
+                output: new.path.clone(),
+                old: digest(&old.digest),
+                new: digest(&new.digest),
+            })
+        })
+    }
+}
+
+/// All outputs by path relative to the artifacts directory, in order of the path.
+fn files(outputs: Outputs) -> Vec<(String, Vec<u8>)> {
+    let tables = outputs.tables.into_iter().map(|(name, bytes)| (table_file(name), bytes));
+    let files = outputs.files.into_iter().map(|(path, bytes)| (path.to_owned(), bytes));
+    let mut all: Vec<_> = tables.chain(files).collect();
+    all.sort_by(|a, b| a.0.cmp(&b.0));
+    all
+}

@@ -1,0 +1,136 @@
+//! A study on disk: its file, its lock, its tables and its store.
+
+use crate::campaign::{Campaign, CampaignError, Options};
+use crate::canonical::Digest;
+use crate::config::{Config, ConfigError, Measured};
+use crate::stages::{Context, StageError};
+use crate::store::{Lock, Store, StoreError, TABLES};
+use std::path::{Path, PathBuf};
+
+/// Why the driver cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The study or its measured data cannot be taken.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The store cannot be read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Runs cannot be made or looked up.
+    #[error(transparent)]
+    Campaign(#[from] CampaignError),
+    /// A stage failed.
+    #[error("stage {stage} failed: {source}")]
+    Stage {
+        /// The stage.
+        stage: &'static str,
+        /// Why.
+        source: StageError,
+    },
+    /// No stage has this name.
+    #[error("no stage is called `{name}`; there are: {known}")]
+    UnknownStage {
+        /// The name asked for.
+        name: String,
+        /// All names.
+        known: String,
+    },
+    /// The same key gave other bytes.
+    #[error(
+        "stage {stage} gave other bytes for {output} than before from the same inputs ({old} then, {new} now); \
+             please report it as nondeterminism, both are kept in the store"
+    )]
+    Nondeterminism {
+        /// The stage.
+        stage: &'static str,
+        /// The output.
+        output: String,
+        /// Digest in the lock.
+        old: Digest,
+        /// Digest now.
+        new: Digest,
+    },
+}
+
+/// A loaded study.
+pub struct Study {
+    /// Checked content of the study file.
+    pub config: Config,
+    /// Measured data sets, in the order of the study.
+    pub measured: Vec<Measured>,
+    lock_path: PathBuf,
+    store: Store,
+}
+
+impl Study {
+    /// Reads the study file and the measured data it names.
+    ///
+    /// # Errors
+    /// What is wrong in which file and line.
+    pub fn load(path: &Path) -> Result<Self, PipelineError> {
+        Self::load_with(path, None)
+    }
+
+    /// The same with another number of repetitions.
+    ///
+    /// # Errors
+    /// What is wrong in which file and line.
+    pub fn load_with(path: &Path, repetitions: Option<u32>) -> Result<Self, PipelineError> {
+        let mut config = Self::config(path)?;
+        if let Some(repetitions) = repetitions {
+            config = config.with_repetitions(repetitions).map_err(ConfigError::from)?;
+        }
+        let measured = config.read_measured().map_err(ConfigError::from)?;
+        let store = Store::at(config.artifacts());
+        Ok(Self { config, measured, lock_path: path.with_extension("lock"), store })
+    }
+
+    /// Reads the study file alone.
+    ///
+    /// # Errors
+    /// What is wrong in which line.
+    pub fn config(path: &Path) -> Result<Config, PipelineError> {
+        Ok(Config::load(path)?)
+    }
+
+    /// The artifacts directory.
+    pub fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// The lock file.
+    pub fn lock_path(&self) -> &Path {
+        &self.lock_path
+    }
+
+    /// What the lock file says; empty when there is none.
+    ///
+    /// # Errors
+    /// A lock file that cannot be read.
+    pub fn lock(&self) -> Result<Lock, PipelineError> {
+        Ok(Lock::read(&self.lock_path)?)
+    }
+
+    /// The folder of the tables.
+    pub fn tables(&self) -> PathBuf {
+        self.store.root().join(TABLES)
+    }
+
+    /// The file of a table.
+    pub fn table_path(&self, name: &str) -> PathBuf {
+        self.store.root().join(crate::stages::table_file(name))
+    }
+
+    /// Opens the place where runs are made and kept.
+    ///
+    /// # Errors
+    /// A ledger that cannot be read.
+    pub fn campaign(&self, options: Options) -> Result<Campaign, PipelineError> {
+        Ok(Campaign::open(self.store.clone(), options)?)
+    }
+
+    /// What stages are given.
+    pub fn context<'a>(&'a self, campaign: &'a Campaign) -> Context<'a> {
+        Context::new(&self.config, &self.measured, campaign, self.store.root())
+    }
+}

@@ -1,0 +1,181 @@
+//! The report: what was run, what came out, what the model lacks, as HTML, Markdown and a short text.
+//!
+//! Takes the rows of all tables and a few facts of the study, gives text; the same rows give the same bytes, so there
+//! are no dates and no hosts in it. `sections` turns tables into a `document`, [`html()`] and [`markdown()`] render
+//! it, [`summary()`] is the text for the end of a run, `paper` holds the published numbers shown beside ours.
+//! Deliberately absent: reading and writing files, and any statistics. Every number shown stands in a table (or is a
+//! ratio of two that do); a value that is missing is a dash with its reason; a stage that has not run is named.
+
+mod charts;
+mod document;
+mod html;
+mod markdown;
+mod numbers;
+mod paper;
+mod sections;
+mod summary;
+mod words;
+
+use std::collections::BTreeSet;
+
+use crate::tables::{
+    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, HyperparameterRow, KpiRow,
+    MetamodelRow, OptimumRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SignatureRow, TargetRow,
+    ValidationRow, VerdictRow, VerificationRow,
+};
+
+/// How close the study's set-up is to the paper's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Resolution {
+    /// Larger or softer particles than the paper's: a model of its own.
+    #[default]
+    Coarse,
+    /// The paper's particles and stiffness.
+    Full,
+}
+
+impl Resolution {
+    /// The word for it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Coarse => "coarse",
+            Self::Full => "full",
+        }
+    }
+}
+
+/// Something the paper leaves open and the study had to settle.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Assumption {
+    /// Name of the setting.
+    pub name: String,
+    /// Its value with unit.
+    pub value: String,
+    /// What it means and why it was chosen.
+    pub meaning: String,
+}
+
+/// A setting in which the study departs from the paper.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Departure {
+    /// Name of the setting.
+    pub name: String,
+    /// Value in this study, with unit.
+    pub value: String,
+    /// Value in the paper, with unit.
+    pub paper: String,
+}
+
+/// Which calibration is meant when only one can be shown.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Method {
+    /// ibm, rbm or sk.
+    pub kind: String,
+    /// m or mv.
+    pub approach: String,
+}
+
+/// Facts of the study that no table holds.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Study {
+    /// Name, as in the file name.
+    pub name: String,
+    /// Title in words.
+    pub title: String,
+    /// Coarse or full.
+    pub resolution: Resolution,
+    /// Version of the simulated physics.
+    pub physics_version: String,
+    /// Measured data set that holds the paper's targets; results for it are shown beside the paper's.
+    pub published: Option<String>,
+    /// The calibration that the diagnosis starts from; where there is none, the summary picks the most complete one.
+    pub method: Option<Method>,
+    /// What the paper leaves open.
+    pub assumptions: Vec<Assumption>,
+    /// Where the study departs from the paper.
+    pub departures: Vec<Departure>,
+}
+
+/// Everything the report shows: facts of the study and the rows of every table, each in its stored order.
+/// A table whose stage has not run is empty.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Report {
+    /// Facts of the study.
+    pub study: Study,
+    /// Design of experiments.
+    pub samples: Vec<SampleRow>,
+    /// Simulations of every stage: design, optima, held-out equipment, diagnosis.
+    pub runs: Vec<RunRow>,
+    /// Observables of these simulations.
+    pub kpis: Vec<KpiRow>,
+    /// Means and standard deviations over repetitions.
+    pub aggregates: Vec<AggregateRow>,
+    /// Trained metamodels.
+    pub metamodels: Vec<MetamodelRow>,
+    /// Numbers that rebuild them.
+    pub hyperparameters: Vec<HyperparameterRow>,
+    /// Measured statistics.
+    pub targets: Vec<TargetRow>,
+    /// Searches for the optimum.
+    pub calibrations: Vec<CalibrationRow>,
+    /// Calibrated parameters.
+    pub optima: Vec<OptimumRow>,
+    /// What the metamodels predict there.
+    pub predictions: Vec<PredictionRow>,
+    /// DEM at the optima.
+    pub verification: Vec<VerificationRow>,
+    /// Held-out equipment at the optima.
+    pub validation: Vec<ValidationRow>,
+    /// Change of every statistic with every effect and parameter.
+    pub signatures: Vec<SignatureRow>,
+    /// Measured minus model.
+    pub residuals: Vec<ResidualRow>,
+    /// Candidate effects.
+    pub attribution: Vec<AttributionRow>,
+    /// Likeness of effects.
+    pub confusion: Vec<ConfusionRow>,
+    /// What the model lacks.
+    pub verdicts: Vec<VerdictRow>,
+    /// Parameters and strengths before and after.
+    pub recalibration: Vec<RecalibrationRow>,
+    /// Errors before and after.
+    pub before_after: Vec<BeforeAfterRow>,
+}
+
+/// The report as one HTML file without outside resources.
+pub fn html(report: &Report) -> String {
+    html::render(&sections::document(report))
+}
+
+/// The same report as Markdown.
+pub fn markdown(report: &Report) -> String {
+    markdown::render(&sections::document(report))
+}
+
+/// The short text printed at the end of a run: at most 35 lines.
+pub fn summary(report: &Report) -> String {
+    summary::render(report)
+}
+
+impl Report {
+    /// Names of all measured data sets that any table mentions, sorted.
+    fn data_sets(&self) -> Vec<&str> {
+        let targets = self.targets.iter().map(|row| &row.measured);
+        let calibrations = self.calibrations.iter().map(|row| &row.measured);
+        let optima = self.optima.iter().map(|row| &row.measured);
+        let verdicts = self.verdicts.iter().map(|row| &row.measured);
+        let residuals = self.residuals.iter().map(|row| &row.measured);
+        let before_after = self.before_after.iter().map(|row| &row.measured);
+        let all = targets.chain(calibrations).chain(optima).chain(verdicts).chain(residuals).chain(before_after);
+        all.map(String::as_str).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
+    /// Are the results for this data set to be shown beside the paper's?
+    fn is_published(&self, measured: &str) -> bool {
+        self.study.published.as_deref() == Some(measured)
+    }
+
+    fn is_coarse(&self) -> bool {
+        self.study.resolution == Resolution::Coarse
+    }
+}

@@ -1,0 +1,105 @@
+//! How well the metamodels reproduce the simulations, in the training and in the validation points.
+
+use crate::tables::MetamodelRow;
+
+use super::super::charts::{Line, LineChart, Node};
+use super::super::document::{Block, Cell, Figure, Legend, Section, Table, Tone, cell, optional, text};
+use super::super::numbers::significant;
+use super::super::{Report, words};
+use super::{distinct, latest, method_rank, not_run, over_repetitions, ranked};
+
+/// The section.
+pub fn section(report: &Report) -> Section {
+    let blocks = if report.metamodels.is_empty() {
+        vec![not_run("train", "there are no metamodels")]
+    } else {
+        blocks(&report.metamodels.iter().collect::<Vec<_>>())
+    };
+    Section { id: "metamodels", title: "Metamodels".to_string(), blocks }
+}
+
+fn blocks(rows: &[&MetamodelRow]) -> Vec<Block> {
+    let intro = "Normalised root mean square error (eq. 15 of the paper) in the points a metamodel was trained on and \
+                 in validation points it has never seen; 0.01 is one per cent of the mean. Kinds: interpolating (IBM), \
+                 regression with noise (RBM), stochastic kriging (SK).";
+    let (kpis, others): (Vec<&MetamodelRow>, Vec<&MetamodelRow>) =
+        latest(rows).into_iter().partition(|row| words::is_kpi(&row.kpi));
+    let mut blocks = vec![Block::Paragraph(text(intro)), table("Error of the KPIs' metamodels", kpis)];
+    if over_repetitions(rows) {
+        blocks.push(charts(rows));
+        let all = vec![table("Error at every number of repetitions", rows.to_vec())];
+        blocks.push(Block::Details { summary: format!("All {} metamodels", rows.len()), blocks: all });
+    } else if !others.is_empty() {
+        let summary =
+            format!("Metamodels of {} other observables", distinct(others.iter().map(|row| row.kpi.as_str())).len());
+        blocks.push(Block::Details {
+            summary,
+            blocks: vec![table("Error of the other observables' metamodels", others)],
+        });
+    }
+    blocks
+}
+
+fn table(caption: &str, mut rows: Vec<&MetamodelRow>) -> Block {
+    rows.sort_by_key(|row| (words::rank(&row.kpi), method_rank((&row.kind, "")), row.n));
+    let headings = [
+        "observable",
+        "kind",
+        "#n",
+        "#points",
+        "#training, mean",
+        "#training, sd",
+        "#validation, mean",
+        "#validation, sd",
+        "#log likelihood",
+    ];
+    Block::Table(Table::new(caption, &headings).with_rows(rows.into_iter().map(row)))
+}
+
+fn row(row: &MetamodelRow) -> Vec<Cell> {
+    let reason = row.reason.as_deref().unwrap_or("not computed");
+    let error = |value| optional(value, |value| significant(value, 3), reason);
+    let kind = cell(row.kind.to_uppercase());
+    vec![
+        cell(words::title(&row.kpi)),
+        if row.status == "ok" { kind } else { kind.with_note(&row.status).with_tone(Tone::Caution) },
+        cell(row.n.to_string()),
+        cell(row.points.to_string()),
+        error(row.nrmse_train_mean),
+        error(row.nrmse_train_sd),
+        error(row.nrmse_validation_mean),
+        error(row.nrmse_validation_sd),
+        error(row.lml),
+    ]
+}
+
+fn charts(rows: &[&MetamodelRow]) -> Block {
+    let mut kinds = distinct(rows.iter().map(|row| row.kind.as_str()));
+    kinds.sort_by_key(|kind| method_rank((kind, "")));
+    let legend: Legend = kinds.iter().enumerate().map(|(series, kind)| (series, kind.to_uppercase())).collect();
+    let kpis = ranked(rows.iter().map(|row| row.kpi.as_str()).filter(|kpi| words::is_kpi(kpi)));
+    let figure = |kpi: &str, what: &str, value: fn(&MetamodelRow) -> Option<f64>| {
+        let lines = kinds.iter().enumerate().map(|(series, kind)| line(series, kind, kpi, rows, value)).collect();
+        let title = format!("{}, {what}", words::title(kpi));
+        let chart = LineChart { title, axis: "validation error [–]".to_string(), lines, reference: None };
+        Figure { chart: chart.draw(), caption: String::new() }
+    };
+    let means = kpis.iter().map(|kpi| figure(kpi, "mean", |row| row.nrmse_validation_mean));
+    let sds = kpis.iter().map(|kpi| figure(kpi, "sd", |row| row.nrmse_validation_sd));
+    Block::Figures { legend, figures: means.chain(sds).collect() }
+}
+
+fn line(series: usize, kind: &str, kpi: &str, rows: &[&MetamodelRow], value: fn(&MetamodelRow) -> Option<f64>) -> Line {
+    let mut own: Vec<&&MetamodelRow> = rows.iter().filter(|row| row.kpi == kpi && row.kind == kind).collect();
+    own.sort_by_key(|row| row.n);
+    let node = |row: &&&MetamodelRow| {
+        let value = value(row)?;
+        Some(Node {
+            n: row.n,
+            value,
+            interval: None,
+            hint: format!("{} {}", kind.to_uppercase(), significant(value, 3)),
+        })
+    };
+    Line { series, nodes: own.iter().filter_map(node).collect() }
+}

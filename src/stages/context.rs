@@ -1,0 +1,116 @@
+//! What a stage is given, and what it gives back.
+
+use super::SettingsText;
+use crate::campaign::{Campaign, CampaignError};
+use crate::canonical::{CanonicalError, Encoder, digest};
+use crate::config::{Config, Measured};
+use crate::store::TABLES;
+use crate::tables::{Row, TableError, TableSpec, io};
+use std::path::Path;
+
+/// Why a stage cannot finish.
+#[derive(Debug, thiserror::Error)]
+pub enum StageError {
+    /// Runs cannot be made or looked up.
+    #[error("{0}")]
+    Campaign(#[source] CampaignError),
+    /// A table cannot be read or written.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// A value cannot be hashed.
+    #[error(transparent)]
+    Canonical(#[from] CanonicalError),
+    /// The tables hold something the stage cannot work with.
+    #[error("{what}; {remedy}")]
+    Input {
+        /// What is wrong and where.
+        what: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+}
+
+/// What a stage may look at: the study, the measured data, the tables of earlier stages and the campaign.
+pub struct Context<'a> {
+    /// The study.
+    pub config: &'a Config,
+    /// The measured data sets, in the order of the study.
+    pub measured: &'a [Measured],
+    /// Where runs are made and kept.
+    pub campaign: &'a Campaign,
+    artifacts: &'a Path,
+}
+
+impl<'a> Context<'a> {
+    /// A context over an artifacts directory.
+    pub fn new(config: &'a Config, measured: &'a [Measured], campaign: &'a Campaign, artifacts: &'a Path) -> Self {
+        Self { config, measured, campaign, artifacts }
+    }
+
+    /// Rows of the table of `R`.
+    ///
+    /// # Errors
+    /// A file that is missing or does not fit the schema.
+    pub fn read<R: Row>(&self) -> Result<Vec<R>, StageError> {
+        self.read_from(R::SPEC)
+    }
+
+    /// Rows of `table`, which has the columns of `R`.
+    ///
+    /// # Errors
+    /// A file that is missing or does not fit the schema.
+    pub fn read_from<R: Row>(&self, table: &TableSpec) -> Result<Vec<R>, StageError> {
+        Ok(io::read_table_as::<R>(table, &self.artifacts.join(table_file(table.name)))?)
+    }
+
+    /// Whether the file of `table` exists.
+    pub fn has(&self, table: &TableSpec) -> bool {
+        self.artifacts.join(table_file(table.name)).is_file()
+    }
+
+    /// A seed for random choices of one purpose, from the study's seed.
+    pub fn seed(&self, purpose: &str) -> u64 {
+        let mut encoder = Encoder::new();
+        encoder.u64(self.config.study.seed).str(purpose);
+        digest("granulake 2026 stage seed v1", &encoder).to_u64()
+    }
+}
+
+/// The file of a table, relative to the artifacts directory.
+pub fn table_file(name: &str) -> String {
+    format!("{TABLES}/{name}/{name}.parquet")
+}
+
+/// What a stage gives: tables and files as bytes, for the driver to publish.
+#[derive(Default)]
+pub struct Outputs {
+    /// Bytes of every table, by name.
+    pub tables: Vec<(&'static str, Vec<u8>)>,
+    /// Bytes of every other file, by path relative to the artifacts directory.
+    pub files: Vec<(&'static str, Vec<u8>)>,
+}
+
+impl Outputs {
+    /// Adds the table of `R`, sorted by its key.
+    ///
+    /// # Errors
+    /// A value that cannot be stored, such as NaN.
+    pub fn table<R: Row + Clone>(&mut self, rows: Vec<R>) -> Result<(), StageError> {
+        self.table_as(R::SPEC, rows)
+    }
+
+    /// Adds `table`, which has the columns of `R`.
+    ///
+    /// # Errors
+    /// A value that cannot be stored, such as NaN.
+    pub fn table_as<R: Row + Clone>(&mut self, table: &'static TableSpec, mut rows: Vec<R>) -> Result<(), StageError> {
+        rows.sort_by(R::order);
+        self.tables.push((table.name, io::encode(table, &R::to_batch(&rows)?)?));
+        Ok(())
+    }
+}
+
+/// Settings as text from pairs.
+pub fn text<const N: usize>(pairs: [(&str, String); N]) -> SettingsText {
+    pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}

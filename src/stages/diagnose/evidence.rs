@@ -1,0 +1,159 @@
+//! The evidence: which measured statistics are compared, their values, and how well they are known.
+
+use super::moments::{Batch, Moment, Statistic};
+use crate::config::{Config, Measured, MeasuredSummary};
+use crate::stats::special::{beta_i, trigamma};
+use crate::stats::summary::ln_sd;
+use nalgebra::{DMatrix, DVector};
+
+/// Level of the F-test below which measured and simulated scatter are taken to differ.
+const SCATTER_LEVEL: f64 = 0.01;
+/// Share of its variance that an observable must keep, given the others of its test, to count as evidence of its own.
+const OWN_SHARE: f64 = 0.01;
+
+/// Measured statistics of one data set.
+#[derive(Debug, Clone)]
+pub struct Evidence {
+    /// What is compared.
+    pub statistics: Vec<Statistic>,
+    /// Measured values (n_statistics).
+    pub values: DVector<f64>,
+    /// Measured repetitions behind each statistic.
+    pub counts: Vec<usize>,
+    /// Measured standard deviations of the observables behind the statistics.
+    sds: Vec<f64>,
+}
+
+/// Covariance of measured statistics, and which share of each variance rests on few repetitions.
+pub struct Noise {
+    /// Covariance (n_statistics, n_statistics).
+    pub covariance: DMatrix<f64>,
+    /// Share of the variance that was estimated from the measured repetitions themselves.
+    pub measured_share: Vec<f64>,
+}
+
+impl Evidence {
+    /// Every statistic that the data set and `simulated` both have. Logarithms of standard deviations enter from
+    /// `sd_from` repetitions on, of the measurement and of the simulations to be made; the held-out experiment never
+    /// does. An observable that follows from the others of its test (such as a mean mass from a count and a density) is
+    /// left out, KPIs being kept first.
+    pub fn new(config: &Config, measured: &Measured, simulated: &Batch) -> Self {
+        let least = config.diagnose.thresholds.sd_from as usize;
+        let fitted: Vec<&str> = config.experiments().iter().map(|experiment| experiment.name()).collect();
+        let order = |name: &str| {
+            let mut observables = config.experiments().into_iter().flat_map(|e| e.observables());
+            observables.position(|observable| observable.name == name).unwrap_or(usize::MAX)
+        };
+        let mut summaries: Vec<MeasuredSummary> = measured.statistics();
+        summaries.retain(|summary| fitted.contains(&summary.experiment) && summary.sd > 0.0);
+        summaries.sort_by_key(|summary| order(summary.kpi));
+        let mut evidence =
+            Self { statistics: Vec::new(), values: DVector::zeros(0), counts: Vec::new(), sds: Vec::new() };
+        for moment in [Moment::Mean, Moment::LnSd] {
+            for summary in &summaries {
+                let statistic = statistic(summary, moment);
+                let repeated = summary.n.min(config.diagnose.refine_repetitions) as usize;
+                let enough = moment == Moment::Mean || repeated >= least;
+                if enough && simulated.count(&statistic) >= 2 {
+                    evidence.add_if_own(statistic, summary, simulated);
+                }
+            }
+        }
+        evidence
+    }
+
+    fn add_if_own(&mut self, statistic: Statistic, summary: &MeasuredSummary, simulated: &Batch) {
+        let mut wider = self.statistics.clone();
+        wider.push(statistic);
+        let Some(moments) = simulated.moments(&wider) else { return };
+        if own_share(&moments.covariance) < OWN_SHARE {
+            return;
+        }
+        let value = match wider[wider.len() - 1].moment {
+            Moment::Mean => summary.mean,
+            Moment::LnSd => ln_sd(summary.sd, summary.n as usize).value,
+        };
+        self.statistics = wider;
+        self.values = self.values.clone().push(value);
+        self.counts.push(summary.n as usize);
+        self.sds.push(summary.sd);
+    }
+
+    /// Covariance of the measured values. Correlations are those of the simulated repetitions. Variances of the means
+    /// are pooled with the simulated scatter where both agree (F-test at 1 %), else measured; those of ln s follow from
+    /// the number of repetitions.
+    pub fn noise(&self, simulated: &Batch) -> Option<Noise> {
+        let moments = simulated.moments(&self.statistics)?;
+        let mut variances = Vec::new();
+        let mut measured_share = Vec::new();
+        for (index, statistic) in self.statistics.iter().enumerate() {
+            let (n, m) = (self.counts[index] as f64, simulated.count(statistic) as f64);
+            match statistic.moment {
+                Moment::Mean => {
+                    let simulated = moments.covariance[(index, index)] * m;
+                    let measured = self.sds[index] * self.sds[index];
+                    let agree = scatter_p(measured, n - 1.0, simulated, m - 1.0) > SCATTER_LEVEL;
+                    let share = if agree { (n - 1.0) / (n + m - 2.0) } else { 1.0 };
+                    variances.push((share * measured + (1.0 - share) * simulated) / n);
+                    measured_share.push(share);
+                }
+                Moment::LnSd => {
+                    variances.push(0.25 * trigamma(0.5 * (n - 1.0)));
+                    measured_share.push(0.0);
+                }
+            }
+        }
+        let scale = |i: usize| (variances[i] / moments.covariance[(i, i)]).sqrt();
+        let covariance =
+            DMatrix::from_fn(variances.len(), variances.len(), |i, j| moments.covariance[(i, j)] * scale(i) * scale(j));
+        Some(Noise { covariance, measured_share })
+    }
+}
+
+fn statistic(summary: &MeasuredSummary, moment: Moment) -> Statistic {
+    Statistic {
+        experiment: summary.experiment.to_owned(),
+        kpi: summary.kpi.to_owned(),
+        unit: summary.unit.to_owned(),
+        moment,
+    }
+}
+
+/// Share of the last variance that the others leave unexplained.
+fn own_share(covariance: &DMatrix<f64>) -> f64 {
+    let last = covariance.nrows() - 1;
+    let sd = |i: usize| covariance[(i, i)].sqrt();
+    let correlation = DMatrix::from_fn(last + 1, last + 1, |i, j| covariance[(i, j)] / (sd(i) * sd(j)));
+    correlation.cholesky().map_or(0.0, |factor| {
+        let pivot = factor.l()[(last, last)];
+        pivot * pivot
+    })
+}
+
+/// Two-sided p-value of the F-test that two variances with ν₁ and ν₂ degrees of freedom are equal.
+fn scatter_p(a: f64, nu_a: f64, b: f64, nu_b: f64) -> f64 {
+    let share = nu_a * a / (nu_a * a + nu_b * b);
+    let below = beta_i(0.5 * nu_a, 0.5 * nu_b, share);
+    2.0 * below.min(1.0 - below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_variances_agree_and_unequal_ones_do_not() {
+        assert!(scatter_p(1.0, 19.0, 1.0, 99.0) > 0.9);
+        assert!(scatter_p(4.0, 19.0, 1.0, 99.0) < 1e-5);
+        assert!(scatter_p(0.25, 19.0, 1.0, 99.0) < 0.01);
+        // scipy.stats.f: 2*f.sf(2.0, 19, 99) = 0.030218...
+        assert!((scatter_p(2.0, 19.0, 1.0, 99.0) - 0.0302).abs() < 5e-4);
+    }
+
+    #[test]
+    fn an_observable_that_follows_from_another_has_no_share_of_its_own() {
+        let covariance = DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 1.0001]);
+        assert!(own_share(&covariance) < OWN_SHARE);
+        assert!((own_share(&DMatrix::identity(3, 3)) - 1.0).abs() < 1e-12);
+    }
+}

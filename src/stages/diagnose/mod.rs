@@ -1,0 +1,113 @@
+//! diagnose: what the calibrated model cannot explain, which effect would, and the error before and after adding it.
+//!
+//! For every measured data set: all statistics are fitted at once (`fit`), the optimum is simulated directly with its
+//! slopes (`direct`), candidate signatures come from the shared anchors (`anchors`), and the residual is attributed
+//! ([`crate::stats::attribution`]). An effect that is accepted is switched on, its strength calibrated together with
+//! the parameters, and both models are simulated anew (`before_after`). The held-out experiment enters nothing of this
+//! but the last comparison.
+
+mod anchors;
+mod before_after;
+mod direct;
+mod evidence;
+mod fit;
+mod lab;
+mod moments;
+mod rows;
+mod verdict;
+
+use super::context::text;
+use super::models::Models;
+use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use crate::config::{Config, Measured};
+use crate::dem;
+use crate::tables::Row;
+use crate::tables::list::{
+    AggregateRow, AttributionRow, BeforeAfterRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HyperparameterRow,
+    RecalibrationRow, ResidualRow, SampleRow, SignatureRow, VerdictRow,
+};
+use anchors::Anchors;
+use lab::Lab;
+
+/// The stage.
+pub const STAGE: Stage = Stage {
+    name: "diagnose",
+    version: 1,
+    purpose: "name the effect the model lacks, add it, compare before and after",
+    reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
+    writes: &[
+        &DIAGNOSE_RUNS,
+        &DIAGNOSE_KPIS,
+        SignatureRow::SPEC,
+        ResidualRow::SPEC,
+        AttributionRow::SPEC,
+        ConfusionRow::SPEC,
+        VerdictRow::SPEC,
+        RecalibrationRow::SPEC,
+        BeforeAfterRow::SPEC,
+    ],
+    files: &[],
+    measured: true,
+    settings,
+    run,
+    simulations: no_simulations,
+};
+
+fn settings(config: &Config) -> SettingsText {
+    let mut settings = text([
+        ("study.seed", config.study.seed.to_string()),
+        ("study.repetitions", config.study.repetitions.to_string()),
+        ("physics_version", dem::PHYSICS_VERSION.to_string()),
+    ]);
+    settings.extend(config.settings_text(&[
+        "diagnose",
+        "effects",
+        "validate",
+        "setup",
+        "parameters",
+        "experiments",
+        "prior",
+        "measured",
+        "statistics",
+        "study.resolution",
+    ]));
+    settings
+}
+
+/// Rows of all tables of this stage but the runs.
+#[derive(Default)]
+struct Tables {
+    signatures: Vec<SignatureRow>,
+    residuals: Vec<ResidualRow>,
+    attribution: Vec<AttributionRow>,
+    confusion: Vec<ConfusionRow>,
+    verdicts: Vec<VerdictRow>,
+    recalibration: Vec<RecalibrationRow>,
+    before_after: Vec<BeforeAfterRow>,
+}
+
+fn run(context: &Context) -> Result<Outputs, StageError> {
+    let models = Models::read(context)?;
+    let mut lab = Lab::new(context);
+    let anchors = Anchors::simulate(context, &mut lab)?;
+    let mut tables = Tables::default();
+    for set in diagnosed(context) {
+        verdict::diagnose(context, &models, &anchors, &mut lab, set, &mut tables)?;
+    }
+    let mut outputs = Outputs::default();
+    outputs.table_as(&DIAGNOSE_RUNS, lab.runs)?;
+    outputs.table_as(&DIAGNOSE_KPIS, lab.kpis)?;
+    outputs.table(tables.signatures)?;
+    outputs.table(tables.residuals)?;
+    outputs.table(tables.attribution)?;
+    outputs.table(tables.confusion)?;
+    outputs.table(tables.verdicts)?;
+    outputs.table(tables.recalibration)?;
+    outputs.table(tables.before_after)?;
+    Ok(outputs)
+}
+
+fn diagnosed<'a>(context: &Context<'a>) -> impl Iterator<Item = &'a Measured> {
+    let wanted = &context.config.diagnose.measured;
+    context.measured.iter().filter(move |set| wanted.contains(&set.name))
+}

@@ -1,0 +1,190 @@
+//! Rows of a finished attribution.
+
+use super::Tables;
+use super::moments::{Moment, Statistic};
+use super::verdict::Case;
+use crate::stats::attribution::{Attribution, Candidate, EffectReport, Status, Verdict};
+use crate::tables::list::{AttributionRow, ConfusionRow, ResidualRow, SignatureRow, VerdictRow};
+
+/// Observables that a verdict names as carrying what is left.
+const CARRIERS: usize = 4;
+
+/// Name of a statistic in texts.
+pub fn name(statistic: &Statistic) -> String {
+    match statistic.moment {
+        Moment::Mean => statistic.kpi.clone(),
+        Moment::LnSd => format!("ln sd {}", statistic.kpi),
+    }
+}
+
+/// The row of a data set that allows no diagnosis.
+pub fn no_verdict(measured: &str, why: String) -> VerdictRow {
+    VerdictRow {
+        measured: measured.to_owned(),
+        verdict: "not_attributable".to_owned(),
+        effects: String::new(),
+        sentence: format!("Not attributable: {why}."),
+        t0: 0.0,
+        dof: 0,
+        p: 1.0,
+        direction: String::new(),
+        advice: String::new(),
+    }
+}
+
+/// Adds signatures, residuals, attribution, confusion and verdict of a case.
+pub fn write(case: &Case, candidates: &[Candidate], attribution: &Attribution, tables: &mut Tables) {
+    tables.signatures.extend(signatures(case, candidates));
+    tables.residuals.extend(residuals(case, attribution));
+    tables.attribution.extend(attribution.effects.iter().map(|effect| attribution_row(case, attribution, effect)));
+    tables.confusion.extend(confusion(case, attribution));
+    tables.verdicts.push(verdict(case, attribution));
+}
+
+fn signatures(case: &Case, candidates: &[Candidate]) -> Vec<SignatureRow> {
+    let row = |source: &str, statistic: &Statistic, value: f64, variance: f64, origin: &str| SignatureRow {
+        measured: case.set.name.clone(),
+        source: source.to_owned(),
+        kpi: statistic.kpi.clone(),
+        statistic: statistic.moment.name().to_owned(),
+        value,
+        standard_error: variance.sqrt(),
+        origin: origin.to_owned(),
+    };
+    let statistics = || case.evidence.statistics.iter().enumerate();
+    let mut rows = Vec::new();
+    for (column, parameter) in case.context.config.parameters.iter().enumerate() {
+        let Some(errors) = case.slopes.covariance.get(column) else { continue };
+        rows.extend(statistics().map(|(i, statistic)| {
+            row(parameter.name, statistic, case.slopes.jacobian[(i, column)], errors[(i, i)], "direct")
+        }));
+    }
+    for candidate in candidates.iter().filter(|candidate| candidate.testable.is_ok()) {
+        // A single secant is one taken at the optimum; the anchors give one per amplitude, of which the first is shown.
+        let origin = if candidate.signatures.len() == 1 { "direct" } else { "anchors" };
+        let secant = &candidate.signatures[0].per_unit;
+        rows.extend(
+            statistics()
+                .map(|(i, statistic)| row(&candidate.name, statistic, secant[i], candidate.covariance[(i, i)], origin)),
+        );
+    }
+    rows
+}
+
+fn residuals(case: &Case, attribution: &Attribution) -> Vec<ResidualRow> {
+    let (residual, covariance) = (case.residual(), case.covariance());
+    let unabsorbed = |name: &str| {
+        let row = attribution.residual.iter().find(|row| row.name == name);
+        // A row that calibration always fits has no scatter of its own left.
+        row.map(|row| row.standardised).filter(|z| z.is_finite()).unwrap_or(0.0)
+    };
+    let row = |(i, statistic): (usize, &Statistic)| ResidualRow {
+        measured: case.set.name.clone(),
+        experiment: statistic.experiment.clone(),
+        kpi: statistic.kpi.clone(),
+        statistic: statistic.moment.name().to_owned(),
+        measured_value: case.evidence.values[i],
+        model_value: case.model.values[i],
+        residual: residual[i],
+        standard_error: covariance[(i, i)].sqrt(),
+        z: residual[i] / covariance[(i, i)].sqrt(),
+        unabsorbed_z: unabsorbed(&name(statistic)),
+        unit: if statistic.moment == Moment::Mean { statistic.unit.clone() } else { "1".to_owned() },
+    };
+    case.evidence.statistics.iter().enumerate().map(row).collect()
+}
+
+fn attribution_row(case: &Case, attribution: &Attribution, effect: &EffectReport) -> AttributionRow {
+    let side = effect.detection.iter().find(|limit| limit.side * effect.strength >= 0.0);
+    AttributionRow {
+        measured: case.set.name.clone(),
+        effect: effect.name.clone(),
+        unit: effect.unit.clone(),
+        strength: effect.strength,
+        strength_sd: effect.strength_sd,
+        a: effect.a,
+        z: effect.z,
+        p_family: effect.familywise_p,
+        leftover: effect.leftover,
+        leftover_p: effect.leftover_p,
+        visibility: effect.visibility,
+        resolved: effect.status != Status::SignatureNotResolved,
+        physical: effect.accepted,
+        ln_odds: effect.ln_bayes,
+        strength_90: side.and_then(|limit| limit.strength),
+        part: part(attribution, effect).to_owned(),
+    }
+}
+
+fn part(attribution: &Attribution, effect: &EffectReport) -> &'static str {
+    let named = attribution.verdict.names().contains(&effect.name.as_str());
+    match (&effect.status, &attribution.verdict) {
+        (_, Verdict::Effect(_)) if named => "named",
+        (_, Verdict::Class { .. }) if named => "class",
+        (_, Verdict::Pair(..)) if named => "pair",
+        (Status::AbsorbedByCalibration, _) => "absorbed",
+        (Status::SignatureNotResolved, _) => "unresolved",
+        (Status::NotTestable(_), _) => "not_testable",
+        (Status::Testable, _) => "rejected",
+    }
+}
+
+fn confusion(case: &Case, attribution: &Attribution) -> Vec<ConfusionRow> {
+    let effects = &attribution.effects;
+    let mut rows = Vec::new();
+    for (k, effect) in effects.iter().enumerate() {
+        for (l, other) in effects.iter().enumerate().filter(|(l, _)| *l != k) {
+            let cosine = attribution.confusion[(k, l)];
+            if !cosine.is_finite() {
+                continue;
+            }
+            let reach = effect.a * effect.strength;
+            let alike = cosine.max(0.0);
+            rows.push(ConfusionRow {
+                measured: case.set.name.clone(),
+                effect: effect.name.clone(),
+                other: other.name.clone(),
+                cosine,
+                separation: 0.5 * reach * reach * (1.0 - alike * alike),
+            });
+        }
+    }
+    rows
+}
+
+fn verdict(case: &Case, attribution: &Attribution) -> VerdictRow {
+    VerdictRow {
+        measured: case.set.name.clone(),
+        verdict: attribution.verdict.code().to_owned(),
+        effects: attribution.verdict.names().join(","),
+        sentence: attribution.verdict.sentence(),
+        t0: attribution.t0,
+        dof: attribution.evidence as u32,
+        p: attribution.t0_p,
+        direction: direction(attribution),
+        advice: advice(attribution),
+    }
+}
+
+/// The rows with the largest standardised residual, such as `pile_t50 +4.1, ledge_mass -2.7`.
+fn direction(attribution: &Attribution) -> String {
+    let mut rows: Vec<_> = attribution.residual.iter().filter(|row| row.standardised.is_finite()).collect();
+    rows.sort_by(|a, b| b.standardised.abs().total_cmp(&a.standardised.abs()));
+    let text = rows.iter().take(CARRIERS).map(|row| format!("{} {:+.1}", row.name, row.standardised));
+    text.collect::<Vec<_>>().join(", ")
+}
+
+fn advice(attribution: &Attribution) -> String {
+    let next = match &attribution.verdict {
+        Verdict::Class { measure: Some(name), .. } => format!("measure {name}"),
+        Verdict::Class { measure: None, .. } => {
+            "measure more observables of the same tests, or add repetitions, to separate the class".to_owned()
+        }
+        Verdict::NoneOfTheCandidates => {
+            "name more candidates, or look at the observables that carry the residual".to_owned()
+        }
+        _ => String::new(),
+    };
+    let notes = attribution.notes.iter().cloned();
+    std::iter::once(next).chain(notes).filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ")
+}

@@ -1,0 +1,173 @@
+//! report: one HTML file, one Markdown file, from the tables alone.
+
+use super::context::text;
+use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use crate::config::{Config, Resolution};
+use crate::dem;
+use crate::report::{self, Assumption, Departure, Method, Report};
+use crate::settings::{self, SettingSpec, Settings};
+use crate::tables::list::{
+    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS,
+    HyperparameterRow, KpiRow, MetamodelRow, OptimumRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow,
+    SampleRow, SignatureRow, TargetRow, VALIDATE_KPIS, VALIDATE_RUNS, VERIFY_KPIS, VERIFY_RUNS, ValidationRow,
+    VerdictRow, VerificationRow,
+};
+use crate::tables::{Row, TableSpec};
+use crate::units;
+
+/// The report as HTML, relative to the artifacts directory.
+pub const HTML: &str = "report/index.html";
+/// The report as Markdown.
+pub const MARKDOWN: &str = "report/report.md";
+
+/// The stage.
+pub const STAGE: Stage = Stage {
+    name: "report",
+    version: 1,
+    purpose: "one HTML file and one Markdown file",
+    reads: &[
+        SampleRow::SPEC,
+        RunRow::SPEC,
+        KpiRow::SPEC,
+        AggregateRow::SPEC,
+        MetamodelRow::SPEC,
+        HyperparameterRow::SPEC,
+        TargetRow::SPEC,
+        CalibrationRow::SPEC,
+        OptimumRow::SPEC,
+        PredictionRow::SPEC,
+        &VERIFY_RUNS,
+        &VERIFY_KPIS,
+        VerificationRow::SPEC,
+        &VALIDATE_RUNS,
+        &VALIDATE_KPIS,
+        ValidationRow::SPEC,
+        &DIAGNOSE_RUNS,
+        &DIAGNOSE_KPIS,
+        SignatureRow::SPEC,
+        ResidualRow::SPEC,
+        AttributionRow::SPEC,
+        ConfusionRow::SPEC,
+        VerdictRow::SPEC,
+        RecalibrationRow::SPEC,
+        BeforeAfterRow::SPEC,
+    ],
+    writes: &[],
+    files: &[HTML, MARKDOWN],
+    measured: false,
+    settings: settings_text,
+    run,
+    simulations: no_simulations,
+};
+
+fn settings_text(config: &Config) -> SettingsText {
+    let mut settings = text([("physics_version", dem::PHYSICS_VERSION.to_string())]);
+    settings.extend(config.settings_text(&[
+        "study.name",
+        "study.title",
+        "study.resolution",
+        "setup",
+        "measured",
+        "diagnose.kind",
+    ]));
+    settings
+}
+
+fn run(context: &Context) -> Result<Outputs, StageError> {
+    let report = gather(context)?;
+    let mut outputs = Outputs::default();
+    outputs.files.push((HTML, report::html(&report).into_bytes()));
+    outputs.files.push((MARKDOWN, report::markdown(&report).into_bytes()));
+    Ok(outputs)
+}
+
+/// Everything the report shows; tables of stages that have not run are empty.
+///
+/// # Errors
+/// A table that cannot be read.
+pub fn gather(context: &Context) -> Result<Report, StageError> {
+    let mut runs = rows::<RunRow>(context, RunRow::SPEC)?;
+    let mut kpis = rows::<KpiRow>(context, KpiRow::SPEC)?;
+    for table in [&VERIFY_RUNS, &VALIDATE_RUNS, &DIAGNOSE_RUNS] {
+        runs.extend(rows::<RunRow>(context, table)?);
+    }
+    for table in [&VERIFY_KPIS, &VALIDATE_KPIS, &DIAGNOSE_KPIS] {
+        kpis.extend(rows::<KpiRow>(context, table)?);
+    }
+    Ok(Report {
+        study: study(context.config),
+        samples: own(context)?,
+        runs,
+        kpis,
+        aggregates: own(context)?,
+        metamodels: own(context)?,
+        hyperparameters: own(context)?,
+        targets: own(context)?,
+        calibrations: own(context)?,
+        optima: own(context)?,
+        predictions: own(context)?,
+        verification: own(context)?,
+        validation: own(context)?,
+        signatures: own(context)?,
+        residuals: own(context)?,
+        attribution: own(context)?,
+        confusion: own(context)?,
+        verdicts: own(context)?,
+        recalibration: own(context)?,
+        before_after: own(context)?,
+    })
+}
+
+fn own<R: Row>(context: &Context) -> Result<Vec<R>, StageError> {
+    rows(context, R::SPEC)
+}
+
+fn rows<R: Row>(context: &Context, table: &TableSpec) -> Result<Vec<R>, StageError> {
+    if context.has(table) { context.read_from(table) } else { Ok(Vec::new()) }
+}
+
+fn study(config: &Config) -> report::Study {
+    let kind = config.diagnose.kind.name().to_owned();
+    report::Study {
+        name: config.study.name.clone(),
+        title: config.study.title.clone(),
+        resolution: match config.study.resolution {
+            Resolution::Coarse => report::Resolution::Coarse,
+            Resolution::Full => report::Resolution::Full,
+        },
+        physics_version: dem::PHYSICS_VERSION.to_string(),
+        published: config.measured.iter().find(|set| set.name == "paper").map(|set| set.name.clone()),
+        method: Some(Method { kind, approach: "m".to_owned() }),
+        assumptions: assumptions(config.base_settings()),
+        departures: departures(config.base_settings()),
+    }
+}
+
+/// Settings that the paper leaves open, with their values here.
+fn assumptions(settings: &Settings) -> Vec<Assumption> {
+    let assumption = |spec: &SettingSpec| Assumption {
+        name: spec.name.to_owned(),
+        value: value(settings, spec),
+        meaning: format!("{} ({})", spec.meaning, spec.source),
+    };
+    settings::specs().filter(|spec| spec.assumption).map(assumption).collect()
+}
+
+/// Settings whose value is not that of the full-scale study.
+fn departures(settings: &Settings) -> Vec<Departure> {
+    let full = Settings::default();
+    let departs = |spec: &&SettingSpec| settings.get(spec.name) != full.get(spec.name);
+    let departure = |spec: &SettingSpec| Departure {
+        name: spec.name.to_owned(),
+        value: value(settings, spec),
+        paper: value(&full, spec),
+    };
+    settings::specs().filter(departs).map(departure).collect()
+}
+
+fn value(settings: &Settings, spec: &SettingSpec) -> String {
+    match settings.word(spec.name) {
+        Ok(Some(word)) => word.to_owned(),
+        _ => settings.get(spec.name).map_or_else(|_| String::new(), |value| units::format(value, spec.unit)),
+    }
+}

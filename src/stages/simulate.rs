@@ -1,0 +1,47 @@
+//! simulate: run the DEM model at every design point, as often as the study repeats.
+
+use super::context::text;
+use super::{Context, Outputs, SettingsText, Stage, StageError, design};
+use crate::campaign::Request;
+use crate::config::Config;
+use crate::dem;
+use crate::tables::Row;
+use crate::tables::list::{RunRow, SampleRow};
+
+/// The stage.
+pub const STAGE: Stage = Stage {
+    name: "simulate",
+    version: 1,
+    purpose: "run the DEM model at every design point",
+    reads: &[SampleRow::SPEC],
+    writes: &[RunRow::SPEC],
+    files: &[],
+    measured: false,
+    settings,
+    run,
+    simulations,
+};
+
+fn settings(config: &Config) -> SettingsText {
+    let mut settings = text([
+        ("study.seed", config.study.seed.to_string()),
+        ("study.repetitions", config.study.repetitions.to_string()),
+        ("physics_version", dem::PHYSICS_VERSION.to_string()),
+    ]);
+    settings.extend(config.settings_text(&["experiments", "setup", "effects.active"]));
+    settings
+}
+
+fn run(context: &Context) -> Result<Outputs, StageError> {
+    let requests = design::requests(context, &context.read::<SampleRow>()?)?;
+    let mut outputs = Outputs::default();
+    outputs.table(context.campaign.simulate(&requests)?)?;
+    Ok(outputs)
+}
+
+fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
+    if !context.has(SampleRow::SPEC) {
+        return Ok(None);
+    }
+    design::requests(context, &context.read::<SampleRow>()?).map(Some)
+}

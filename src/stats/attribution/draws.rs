@@ -1,0 +1,185 @@
+//! Parametric draws: critical values, family-wise p-values and the detection limit η₉₀.
+//!
+//! Takes a [`Machine`] and the noise of a problem; gives distributions of its statistics under "no effect" and under
+//! one effect at a given strength. A drawn residual carries the noise of every row (heavier than normal where Σ was
+//! estimated from few repetitions), the shift of the effect, and the error of its signature. Every purpose has its own random stream; strengths of one search share it, so that
+//! the detection probability varies smoothly with the strength.
+
+use super::effect::Curve;
+use super::judge::{Critical, Found, Machine, Seen};
+use super::noise::Noise;
+use super::outcome::DetectionLimit;
+use crate::rng::Stream;
+use crate::stats::special;
+use nalgebra::{DMatrix, DVector};
+
+/// Growth of the strength while the search for η₉₀ has not reached its power.
+const GROWTH: f64 = 1.5;
+/// Halvings of the last bracket: η₉₀ is then known to about 1 %.
+const HALVINGS: usize = 5;
+
+/// A world in which one effect acts: its whitened shift per unit and the square root of its covariance.
+pub(super) struct World {
+    curve: Curve,
+    /// Shrinks the shift by what its own error adds to its size.
+    shrink: f64,
+    root: Option<DMatrix<f64>>,
+}
+
+impl World {
+    /// `norm2` is the bias-corrected squared size of the projected signature, `raw_norm2` the uncorrected one.
+    pub(super) fn new(curve: &Curve, error: &DMatrix<f64>, norm2: f64, raw_norm2: f64) -> Self {
+        let shrink = if raw_norm2 > 0.0 { (norm2 / raw_norm2).sqrt() } else { 0.0 };
+        let root = error.iter().any(|x| *x != 0.0).then(|| {
+            let eigen = error.clone().symmetric_eigen();
+            let sizes = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
+            eigen.eigenvectors * DMatrix::from_diagonal(&sizes)
+        });
+        Self { curve: curve.clone(), shrink, root }
+    }
+
+    /// One whitened residual with the effect at a strength.
+    fn draw(&self, strength: f64, noise: &Noise<'_>, stream: &mut Stream) -> DVector<f64> {
+        let mut e = noise.draw(stream);
+        e.axpy(strength * self.shrink, &DVector::from_vec(self.curve.secant(strength)), 1.0);
+        if let Some(root) = &self.root {
+            let error = DVector::from_fn(root.ncols(), |_, _| stream.normal());
+            e.gemv(strength, root, &error, 1.0);
+        }
+        e
+    }
+}
+
+/// Simulated distributions, each sorted.
+pub(super) struct Null {
+    /// Whether χ² does not hold: few repetitions, or a parameter on its bound.
+    pub simulated: bool,
+    pub t0: Vec<f64>,
+    /// Largest gain T₀ − leftover over the testable candidates.
+    pub gain: Vec<f64>,
+    /// Leftover of each candidate where it acts at half its range; empty where χ² holds.
+    pub leftover: Vec<Vec<f64>>,
+}
+
+/// Simulates the null distributions and sets the machine's critical values.
+pub(super) fn calibrate(machine: &mut Machine, noise: &Noise<'_>, worlds: &[World]) -> Null {
+    let options = machine.options;
+    let mut stream = Stream::new(options.seed, "attribution without effect");
+    let simulated = noise.heavy || machine.geometries.len() > 1;
+    let mut null = Null { simulated, t0: Vec::new(), gain: Vec::new(), leftover: Vec::new() };
+    let mut pairs = Vec::new();
+    for _ in 0..options.null_draws {
+        let seen = machine.see(&noise.draw(&mut stream));
+        let fits = machine.fits(&seen);
+        null.t0.push(seen.t0);
+        null.gain.push(largest_gain(machine, &seen, &fits));
+        if machine.evidence() >= options.pair_evidence {
+            pairs.push(machine.largest_addition(&seen, &fits));
+        }
+    }
+    for sorted in [&mut null.t0, &mut null.gain, &mut pairs] {
+        sorted.sort_by(f64::total_cmp);
+    }
+    if simulated {
+        null.leftover = (0..worlds.len()).map(|k| leftovers(machine, noise, &worlds[k], k)).collect();
+    }
+    machine.critical = critical(machine, &null, &pairs);
+    null
+}
+
+/// Share of simulated values at least as large, counting the observed one.
+pub(super) fn upper_tail(sorted: &[f64], value: f64) -> f64 {
+    let below = sorted.partition_point(|x| *x < value);
+    (sorted.len() - below + 1) as f64 / (sorted.len() + 1) as f64
+}
+
+/// T₀ − leftover of the best testable candidate.
+fn largest_gain(machine: &Machine, seen: &Seen, fits: &[Found]) -> f64 {
+    let testable = fits.iter().zip(&machine.rules).filter(|(_, rule)| rule.testable);
+    testable.map(|(found, _)| seen.t0 - found.fit.leftover).fold(0.0, f64::max)
+}
+
+fn leftovers(machine: &Machine, noise: &Noise<'_>, world: &World, k: usize) -> Vec<f64> {
+    let mut stream = Stream::new(machine.options.seed, "attribution leftover");
+    let (rule, mut scratch) = (machine.rules[k], Vec::new());
+    let draw = |_| {
+        let residual = world.draw(rule.side() * rule.tau, noise, &mut stream);
+        machine.fit(&machine.see(&residual), k, &mut scratch).fit.leftover
+    };
+    let mut all: Vec<f64> = (0..machine.options.null_draws).map(draw).collect();
+    all.sort_by(f64::total_cmp);
+    all
+}
+
+fn critical(machine: &Machine, null: &Null, pairs: &[f64]) -> Critical {
+    let (options, d) = (machine.options, machine.evidence());
+    let limit = |level: f64, dof: usize| {
+        if dof == 0 { f64::INFINITY } else { special::chi2_quantile(1.0 - level, dof as f64) }
+    };
+    let single = limit(options.leftover_level, d.saturating_sub(1));
+    let leftover: Vec<f64> = if null.simulated {
+        null.leftover.iter().map(|sorted| quantile(sorted, 1.0 - options.leftover_level)).collect()
+    } else {
+        vec![single; machine.rules.len()]
+    };
+    let pair = limit(options.leftover_level, d.saturating_sub(2));
+    // Heavier tails than χ² stretch the leftover of a pair as they stretch those of its members.
+    let stretch = leftover.iter().fold(1.0_f64, |top, value| top.max(value / single));
+    let t0 = if null.simulated {
+        quantile(&null.t0, 1.0 - options.adequacy_level)
+    } else {
+        limit(options.adequacy_level, d)
+    };
+    Critical { t0, leftover, pair: quantile(pairs, 1.0 - options.pair_level), pair_leftover: pair * stretch }
+}
+
+/// The order statistic that a further draw exceeds with probability at most 1 − p.
+fn quantile(sorted: &[f64], p: f64) -> f64 {
+    let rank = libm::ceil(p * (sorted.len() + 1) as f64) as usize;
+    sorted.get(rank.saturating_sub(1)).copied().unwrap_or(f64::INFINITY)
+}
+
+/// η₉₀ on one side of zero: the smallest strength at which the whole procedure ends in effect k, or in a small class
+/// that contains it, with the wanted probability.
+pub(super) fn detection_limit(
+    machine: &Machine,
+    noise: &Noise<'_>,
+    world: &World,
+    k: usize,
+    end: f64,
+) -> DetectionLimit {
+    let options = machine.options;
+    let probability = |strength: f64| detection_probability(machine, noise, world, k, strength);
+    let norm = machine.effects[0][k].local_norm2().sqrt();
+    let (mut low, mut high) = (0.0, (3.0 / norm).min(end.abs()));
+    let mut reached = probability(high * end.signum());
+    while reached < options.power {
+        if high >= end.abs() {
+            return DetectionLimit { side: end, strength: None, probability: reached };
+        }
+        (low, high) = (high, (GROWTH * high).min(end.abs()));
+        reached = probability(high * end.signum());
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        let there = probability(middle * end.signum());
+        if there >= options.power {
+            (high, reached) = (middle, there);
+        } else {
+            low = middle;
+        }
+    }
+    DetectionLimit { side: end, strength: Some(high * end.signum()), probability: reached }
+}
+
+/// Share of drawn residuals in which effect k at a strength is detected.
+fn detection_probability(machine: &Machine, noise: &Noise<'_>, world: &World, k: usize, strength: f64) -> f64 {
+    let options = machine.options;
+    let side = if strength < 0.0 { "attribution power below" } else { "attribution power above" };
+    let mut stream = Stream::new(options.seed, &format!("{side} {k}"));
+    let detected = |_: &usize| {
+        let residual = world.draw(strength, noise, &mut stream);
+        machine.decide(&residual).detects(k, options.largest_class)
+    };
+    (0..options.power_draws).filter(detected).count() as f64 / options.power_draws as f64
+}

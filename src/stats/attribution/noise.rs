@@ -1,0 +1,238 @@
+//! Noise of a whitened residual whose covariance may itself be an estimate.
+//!
+//! Takes the rows of a problem; gives draws of the residual without any effect. Where Σ was estimated from few
+//! repetitions, its own scatter makes large residuals likelier than χ² says: each group of rows gets the factor
+//! ν/χ²(ν − p + 1) that turns χ² into Hotelling's T². That would be exact without a fit. A fit gives most weight to the
+//! rows whose variance was underestimated and so absorbs part of it; one factor on all draws corrects this, such that
+//! their T₀ has the critical value of a full bootstrap in which Σ is redrawn, whitened anew and refitted.
+
+use super::geometry::{Whitened, range_of, whiten, whiten_vector};
+use super::{Options, Problem, RowKind};
+use crate::rng::Stream;
+use nalgebra::{DMatrix, DVector};
+
+/// Noise of the whitened residual.
+pub(super) struct Noise<'a> {
+    whitened: &'a Whitened,
+    /// Share of the variance of each observable in use that was estimated from few repetitions.
+    shares: Vec<f64>,
+    groups: Vec<Group>,
+    /// Factor on all draws.
+    scale: f64,
+    /// Whether some variance was estimated from few repetitions.
+    pub heavy: bool,
+}
+
+/// Observables whose covariance was estimated from the same repetitions.
+struct Group {
+    id: (usize, RowKind),
+    rows: Vec<usize>,
+    /// Degrees of freedom ν of the estimate.
+    dof: usize,
+}
+
+impl Group {
+    /// ν/χ²(ν − p + 1): noise judged by an estimated covariance follows Hotelling's T² = χ²(p)·ν/χ²(ν − p + 1), which
+    /// is Student's t for a single row.
+    fn stretch(&self, stream: &mut Stream) -> f64 {
+        let left = (self.dof + 1).saturating_sub(self.rows.len()).max(1);
+        self.dof as f64 / chi2(left, stream)
+    }
+}
+
+impl<'a> Noise<'a> {
+    pub(super) fn new(problem: &Problem, whitened: &'a Whitened, options: &Options) -> Self {
+        let mut groups: Vec<Group> = Vec::new();
+        let mut shares = vec![0.0; whitened.kept.len()];
+        for (i, row) in whitened.kept.iter().map(|index| &problem.rows[*index]).enumerate() {
+            // The variance of a logarithm of a standard deviation is known, not estimated.
+            if row.count >= options.simulate_below || row.measured_share <= 0.0 || row.kind == RowKind::LnSd {
+                continue;
+            }
+            shares[i] = row.measured_share.min(1.0);
+            let fitted = if row.kind == RowKind::Trend { 2 } else { 1 };
+            let (id, dof) = ((row.group, row.kind), row.count.saturating_sub(fitted).max(1));
+            match groups.iter_mut().find(|group| group.id == id) {
+                Some(group) => {
+                    group.rows.push(i);
+                    group.dof = group.dof.min(dof);
+                }
+                None => groups.push(Group { id, rows: vec![i], dof }),
+            }
+        }
+        let mut noise = Self { whitened, heavy: !groups.is_empty(), shares, groups, scale: 1.0 };
+        if noise.heavy {
+            noise.scale = noise.calibrated(options);
+        }
+        noise
+    }
+
+    /// √(critical T₀ with Σ redrawn and refitted ÷ critical T₀ of draws with Σ as it is).
+    fn calibrated(&self, options: &Options) -> f64 {
+        let range = range_of(&self.whitened.tangent);
+        let mut stream = Stream::new(options.seed, "attribution noise as it is");
+        let as_is = (0..options.null_draws).map(|_| leftover(&range, &self.draw(&mut stream))).collect();
+        let mut stream = Stream::new(options.seed, "attribution noise refitted");
+        let Some(blocks) = self.blocks() else { return 1.0 };
+        let refitted = (0..options.null_draws).map(|_| self.refitted(&blocks, &mut stream)).collect();
+        let ratio = upper(refitted, options.adequacy_level) / upper(as_is, options.adequacy_level);
+        if ratio.is_finite() && ratio > 0.0 { ratio.sqrt() } else { 1.0 }
+    }
+
+    /// Σ of the observables in use.
+    fn sigma(&self) -> DMatrix<f64> {
+        &self.whitened.factor * self.whitened.factor.transpose()
+    }
+
+    /// Factors of each group's block of Σ and of the estimated part of it.
+    fn blocks(&self) -> Option<Vec<Block>> {
+        let sigma = self.sigma();
+        let block = |group: &Group| {
+            let whole = sigma.select_rows(&group.rows).select_columns(&group.rows);
+            let size = |i: usize| self.shares[group.rows[i]].sqrt();
+            let estimated = DMatrix::from_fn(whole.nrows(), whole.ncols(), |i, j| size(i) * size(j) * whole[(i, j)]);
+            // Principal blocks of a positive definite matrix, also scaled, are positive definite.
+            let factor = |a: &DMatrix<f64>| a.clone().cholesky().map(|c| c.l());
+            Some(Block { factor: factor(&whole)?, estimated: factor(&estimated)?, whole })
+        };
+        self.groups.iter().map(block).collect()
+    }
+
+    /// T₀ of one draw whose Σ was estimated anew.
+    fn refitted(&self, blocks: &[Block], stream: &mut Stream) -> f64 {
+        let m = self.shares.len();
+        let turns: Vec<DMatrix<f64>> =
+            self.groups.iter().zip(blocks).map(|(group, block)| block.rewhitened(group.dof, stream)).collect();
+        let whitened_anew = |a: DMatrix<f64>| {
+            let mut turned = a.clone();
+            for (group, turn) in self.groups.iter().zip(&turns) {
+                let part = turn * a.select_rows(&group.rows);
+                group.rows.iter().enumerate().for_each(|(i, row)| turned.set_row(*row, &part.row(i)));
+            }
+            whiten(&self.whitened.factor, &turned)
+        };
+        let mut e = DMatrix::from_fn(self.whitened.len(), 1, |_, _| stream.normal());
+        let x = &self.whitened.factor * e.rows(0, m);
+        e.rows_mut(0, m).copy_from(&whitened_anew(x));
+        let mut tangent = self.whitened.tangent.clone();
+        let columns = &self.whitened.factor * tangent.rows(0, m);
+        tangent.rows_mut(0, m).copy_from(&whitened_anew(columns));
+        leftover(&range_of(&tangent), &e.column(0).into_owned())
+    }
+
+    /// One whitened residual without any effect (M).
+    pub(super) fn draw(&self, stream: &mut Stream) -> DVector<f64> {
+        let mut e = DVector::from_fn(self.whitened.len(), |_, _| stream.normal());
+        if !self.heavy {
+            return e;
+        }
+        let m = self.shares.len();
+        let mut x = &self.whitened.factor * e.rows(0, m);
+        for group in &self.groups {
+            let stretch = group.stretch(stream);
+            for i in &group.rows {
+                x[*i] *= (1.0 + self.shares[*i] * (stretch - 1.0)).sqrt();
+            }
+        }
+        let back = whiten_vector(&self.whitened.factor, x.as_slice());
+        e.rows_mut(0, m).copy_from(&back);
+        e * self.scale
+    }
+}
+
+/// One group's block of Σ.
+struct Block {
+    whole: DMatrix<f64>,
+    /// Lower Cholesky factor of `whole`.
+    factor: DMatrix<f64>,
+    /// Lower Cholesky factor of the part that was estimated.
+    estimated: DMatrix<f64>,
+}
+
+impl Block {
+    /// BB*⁻¹ for a redrawn block B*B*ᵀ: what changes the whitening from the old block to the redrawn one while it keeps
+    /// Σ positive definite, whatever covariance there is between groups. The identity if B* is not positive definite,
+    /// which unequal shares within a group can cause.
+    fn rewhitened(&self, dof: usize, stream: &mut Stream) -> DMatrix<f64> {
+        let change = wishart(&self.estimated, dof, stream) - &self.estimated * self.estimated.transpose();
+        let redrawn = (&self.whole + change).cholesky();
+        let identity = DMatrix::identity(self.whole.nrows(), self.whole.nrows());
+        redrawn.map_or_else(|| identity.clone(), |anew| &self.factor * whiten(&anew.l(), &identity))
+    }
+}
+
+/// A draw of χ² with `dof` degrees of freedom: squares of normals, or Marsaglia and Tsang's method for many.
+fn chi2(dof: usize, stream: &mut Stream) -> f64 {
+    if dof <= 4 {
+        return (0..dof).map(|_| stream.normal()).map(|z| z * z).sum();
+    }
+    let d = 0.5 * dof as f64 - 1.0 / 3.0;
+    let c = 1.0 / (9.0 * d).sqrt();
+    loop {
+        let x = stream.normal();
+        let root = 1.0 + c * x;
+        let v = root * root * root;
+        let accept = 1.0 - stream.uniform();
+        if v > 0.0 && libm::log(accept) < 0.5 * x * x + d * (1.0 - v + libm::log(v)) {
+            return 2.0 * d * v;
+        }
+    }
+}
+
+/// Estimate of a covariance LLᵀ from ν degrees of freedom: a Wishart draw over ν, by Bartlett's decomposition.
+fn wishart(factor: &DMatrix<f64>, dof: usize, stream: &mut Stream) -> DMatrix<f64> {
+    let p = factor.nrows();
+    let mut a = DMatrix::zeros(p, p);
+    for i in 0..p {
+        for j in 0..i {
+            a[(i, j)] = stream.normal();
+        }
+        a[(i, i)] = chi2(dof.saturating_sub(i).max(1), stream).sqrt();
+    }
+    let half = factor * a;
+    &half * half.transpose() / dof as f64
+}
+
+/// Square sum of what lies outside an orthonormal range.
+fn leftover(range: &DMatrix<f64>, e: &DVector<f64>) -> f64 {
+    (e.norm_squared() - range.tr_mul(e).norm_squared()).max(0.0)
+}
+
+/// Upper critical value of a simulated distribution.
+fn upper(mut values: Vec<f64>, level: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let rank = libm::ceil((1.0 - level) * (values.len() + 1) as f64) as usize;
+    values.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chi2_draws_have_their_moments() {
+        for dof in [1, 4, 5, 40] {
+            let mut stream = Stream::new(dof as u64, "chi2");
+            let draws: Vec<f64> = (0..20_000).map(|_| chi2(dof, &mut stream)).collect();
+            let mean = draws.iter().sum::<f64>() / 20_000.0;
+            let variance = draws.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / 20_000.0;
+            let nu = dof as f64;
+            // Five standard errors; the fourth central moment of χ² is 12ν(ν + 4).
+            assert!((mean - nu).abs() < 5.0 * (2.0 * nu / 20_000.0).sqrt(), "mean {mean} of {nu}");
+            let spread = (12.0 * nu * (nu + 4.0) - 4.0 * nu * nu) / 20_000.0;
+            assert!((variance - 2.0 * nu).abs() < 5.0 * spread.sqrt(), "variance {variance} of {nu}");
+        }
+    }
+
+    #[test]
+    fn wishart_draws_average_to_their_covariance() {
+        let factor = DMatrix::from_row_slice(2, 2, &[2.0, 0.0, 1.0, 0.5]);
+        let mut stream = Stream::new(3, "wishart");
+        let mut sum = DMatrix::zeros(2, 2);
+        for _ in 0..20_000 {
+            sum += wishart(&factor, 6, &mut stream) / 20_000.0;
+        }
+        // Entries scatter by √((Σ_ii Σ_jj + Σ_ij²)/6), at most 2.4; five standard errors of the mean are 0.085.
+        assert!((sum - &factor * factor.transpose()).amax() < 0.085);
+    }
+}

@@ -1,0 +1,204 @@
+//! Gaussian process regression with a squared exponential kernel and known noise at every point.
+//!
+//! Model: y_i = β + f(x_i) + ε_i, f ~ GP(0, σ_f² exp(−½ Σ_d a_d (x_d − x'_d)²)), ε_i ~ N(0, v_i) independent
+//! (Fransen et al. 2022, eqs 4–9, where β = 0 and σ_f = 1; Rasmussen & Williams 2006, chapters 2 and 5; Ankenman,
+//! Nelson & Staum 2010 for the case v_i = variance / repetitions). Points live in the unit cube.
+//! Takes points, targets and noise variances; gives predictions with gradients, leave-one-out values and, in
+//! [`likelihood`], the most likely hyperparameters. Deliberately knows nothing of KPIs and of how noise comes about.
+
+pub mod likelihood;
+
+use super::linalg::{LinalgError, SpdFactor, dot};
+use super::points::Points;
+
+/// What a Gaussian process is trained on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrainingSet {
+    /// Points in the unit cube, shape (n_points, n_parameters).
+    pub points: Points,
+    /// Value at each point.
+    pub targets: Vec<f64>,
+    /// Variance v_i ≥ 0 of the error of each value, in squared units of the targets. Jitter is part of it.
+    pub noise: Vec<f64>,
+}
+
+/// The mean function β.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trend {
+    /// β = 0, known.
+    Zero,
+    /// β constant and estimated by generalised least squares (ordinary kriging).
+    Constant,
+}
+
+/// What likelihood maximisation chooses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hyperparameters {
+    /// Decimal logarithm of the inverse squared length scale a_d of each parameter.
+    pub log10_a: Vec<f64>,
+    /// Process variance σ_f², in squared units of the targets.
+    pub variance: f64,
+}
+
+impl Hyperparameters {
+    /// a_d = 10^(log10 a_d).
+    pub fn inverse_squared_lengths(&self) -> Vec<f64> {
+        self.log10_a.iter().map(|&exponent| libm::exp10(exponent)).collect()
+    }
+}
+
+/// A trained Gaussian process.
+#[derive(Debug, Clone)]
+pub struct GaussianProcess {
+    training: TrainingSet,
+    hyper: Hyperparameters,
+    a: Vec<f64>,
+    trend: Trend,
+    fit: Conditioned,
+}
+
+/// The training data conditioned on: K = L Lᵀ and what follows from it.
+#[derive(Debug, Clone)]
+struct Conditioned {
+    factor: SpdFactor,
+    /// β̂, 0 where the trend is zero.
+    beta: f64,
+    /// K⁻¹ (y − β̂).
+    alpha: Vec<f64>,
+    /// K⁻¹ 1, empty where the trend is zero.
+    weights: Vec<f64>,
+    log_likelihood: f64,
+}
+
+/// Prediction of the latent f at one point, without the noise of an observation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Latent {
+    /// E f(x), eq. 8.
+    pub mean: f64,
+    /// Var f(x), eq. 9, with the share of an estimated β; never negative.
+    pub variance: f64,
+    /// ∂ mean / ∂x_d.
+    pub mean_gradient: Vec<f64>,
+    /// ∂ variance / ∂x_d.
+    pub variance_gradient: Vec<f64>,
+}
+
+impl GaussianProcess {
+    /// Conditions the process on `training` with given hyperparameters.
+    ///
+    /// # Errors
+    /// [`LinalgError`] where the covariance cannot be factorised.
+    ///
+    /// # Panics
+    /// If points, targets, noise and hyperparameters disagree in number.
+    pub fn new(training: TrainingSet, hyper: Hyperparameters, trend: Trend) -> Result<Self, LinalgError> {
+        assert_eq!(hyper.log10_a.len(), training.points.dimension(), "one length scale per parameter");
+        let likelihood = likelihood::Likelihood::new(&training, trend);
+        let fit = likelihood.condition(&hyper)?;
+        Ok(Self { training, a: hyper.inverse_squared_lengths(), hyper, trend, fit })
+    }
+
+    /// Data the process was conditioned on.
+    pub fn training(&self) -> &TrainingSet {
+        &self.training
+    }
+
+    /// Hyperparameters in use.
+    pub fn hyperparameters(&self) -> &Hyperparameters {
+        &self.hyper
+    }
+
+    /// Mean function in use.
+    pub fn trend(&self) -> Trend {
+        self.trend
+    }
+
+    /// β̂, in units of the targets.
+    pub fn beta(&self) -> f64 {
+        self.fit.beta
+    }
+
+    /// ln p(y | X) = −½ (y − β̂)ᵀK⁻¹(y − β̂) − ½ ln det K − (n/2) ln 2π (eq. 7).
+    pub fn log_likelihood(&self) -> f64 {
+        self.fit.log_likelihood
+    }
+
+    /// σ_f² k(x, x_j) for every training point.
+    fn covariances(&self, x: &[f64]) -> Vec<f64> {
+        let exponent = |point: &[f64]| -> f64 {
+            (0..x.len()).map(|d| self.a[d] * (x[d] - point[d]) * (x[d] - point[d])).sum::<f64>()
+        };
+        self.training.points.rows().map(|point| self.hyper.variance * libm::exp(-0.5 * exponent(point))).collect()
+    }
+
+    /// E f(x) alone, eq. 8: a tenth of the work of [`GaussianProcess::predict`].
+    pub fn mean(&self, x: &[f64]) -> f64 {
+        self.fit.beta + dot(&self.covariances(x), &self.fit.alpha)
+    }
+
+    /// Mean and variance of the latent f at `x`, with their gradients.
+    pub fn predict(&self, x: &[f64]) -> Latent {
+        let k = self.covariances(x);
+        let half = self.fit.factor.half_solve(&k);
+        let solved = self.fit.factor.transposed_half_solve(&half);
+        let (gap, information) = self.trend_gap(&k);
+        // ∂k_j/∂x_d = −a_d (x_d − x_jd) k_j, contracted with α, K⁻¹k and K⁻¹1.
+        let slope = |weights: &[f64], d: usize| -> f64 {
+            let term = |j: usize| weights[j] * k[j] * (x[d] - self.training.points.row(j)[d]);
+            -self.a[d] * (0..k.len()).map(term).sum::<f64>()
+        };
+        let variance_slope = |d: usize| {
+            let trend = if information > 0.0 { gap * slope(&self.fit.weights, d) / information } else { 0.0 };
+            -2.0 * (slope(&solved, d) + trend)
+        };
+        let trend_variance = if information > 0.0 { gap * gap / information } else { 0.0 };
+        Latent {
+            mean: self.fit.beta + dot(&k, &self.fit.alpha),
+            variance: (self.hyper.variance - dot(&half, &half) + trend_variance).max(0.0),
+            mean_gradient: (0..x.len()).map(|d| slope(&self.fit.alpha, d)).collect(),
+            variance_gradient: (0..x.len()).map(variance_slope).collect(),
+        }
+    }
+
+    /// u = 1 − 1ᵀK⁻¹k and 1ᵀK⁻¹1, whose u²/(1ᵀK⁻¹1) is the variance that an estimated β adds; (0, 0) without one.
+    fn trend_gap(&self, k: &[f64]) -> (f64, f64) {
+        match self.trend {
+            Trend::Zero => (0.0, 0.0),
+            Trend::Constant => (1.0 - dot(&self.fit.weights, k), self.fit.weights.iter().sum()),
+        }
+    }
+
+    /// Mean and latent variance at each training point from all others, hyperparameters held.
+    ///
+    /// With Q = K⁻¹ − K⁻¹11ᵀK⁻¹/(1ᵀK⁻¹1) (Q = K⁻¹ for zero trend): mean_i = y_i − (Qy)_i/Q_ii,
+    /// variance_i = 1/Q_ii − v_i (Dubrule 1983).
+    pub fn leave_one_out(&self) -> Vec<(f64, f64)> {
+        let inverse = self.fit.factor.inverse();
+        let total: f64 = self.fit.weights.iter().sum();
+        let one = |i: usize| {
+            let share = self.fit.weights.get(i).map_or(0.0, |weight| weight * weight / total);
+            let precision = inverse[(i, i)] - share;
+            let mean = self.training.targets[i] - self.fit.alpha[i] / precision;
+            (mean, (1.0 / precision - self.training.noise[i]).max(0.0))
+        };
+        (0..self.training.targets.len()).map(one).collect()
+    }
+}
+
+/// Log likelihood of all single runs, from that of the means: the Woodbury identity for replicated points.
+///
+/// ln p(runs) = ln p(means; v_i = V_i/n_i) + Σ_i [−½(n_i − 1) ln 2πV_i − ½ ln n_i − (n_i − 1) s_i²/(2V_i)] with
+/// V_i the variance of one run at point i, s_i² the observed one and n_i the number of runs (Binois, Gramacy &
+/// Ludkovski 2018, section 3). Makes models with different variance functions comparable.
+pub fn log_likelihood_of_runs(of_means: f64, variances: &[f64], observed: &[f64], counts: &[usize]) -> f64 {
+    let within = |((&variance, &observed), &count): ((&f64, &f64), &usize)| {
+        let dof = count as f64 - 1.0;
+        let spread =
+            if count > 1 { observed / variance + libm::log(2.0 * std::f64::consts::PI * variance) } else { 0.0 };
+        -0.5 * (dof * spread + libm::log(count as f64))
+    };
+    of_means + variances.iter().zip(observed).zip(counts).map(within).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests;

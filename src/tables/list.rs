@@ -1,0 +1,600 @@
+//! Every table of the lake, in the order in which the stages write them.
+//!
+//! Tables are tall: one row per value, with its name and unit beside it, so that any number of parameters and
+//! observables fits without a change of schema. `status` is `ok` or `failed`; a failed row keeps its place and says
+//! why in `reason`. A `label` names who asked for a batch of runs: `design`, a calibration such as
+//! `paper/sk-mv/3`, or a purpose of the diagnosis such as `demo/before`.
+
+use super::{Row, TableSpec};
+use crate::table;
+
+table! {
+    /// Design of experiments: one row per design point and parameter.
+    pub struct SampleRow in "samples" version 1 sorted by (point, parameter) {
+        /// Design point, from 1.
+        point: u32 ["1"],
+        /// Part of the design: boundary, interior or validation.
+        set: String ["1"],
+        /// Name of the parameter.
+        parameter: String ["1"],
+        /// Value of the parameter, in `unit`.
+        value: f64 ["see unit"],
+        /// Unit of `value`.
+        unit: String ["1"],
+        /// Value scaled to its bounds: 0 at the lower, 1 at the upper one.
+        unit_value: f64 ["1"],
+        /// Hash of all parameter values of this point.
+        parameter_hash: String ["1"],
+    }
+}
+
+table! {
+    /// One row per simulation: where it stands in the study, how it ended and where its final state is kept.
+    pub struct RunRow in "runs" version 1 sorted by (label, experiment, point, repetition) {
+        /// Who asked for the run: `design`, a calibration or a purpose of the diagnosis.
+        label: String ["1"],
+        /// Experiment: pile, ledge, bulk_density or hopper.
+        experiment: String ["1"],
+        /// Point within the label, from 1.
+        point: u32 ["1"],
+        /// Hash of the parameter values and effect strengths.
+        parameter_hash: String ["1"],
+        /// Repetition, from 1.
+        repetition: u32 ["1"],
+        /// Seed of the random packing.
+        seed: u64 ["1"],
+        /// Strengths of the effects that are switched on, as `name=value`, empty when none.
+        effects: String ["1"],
+        /// Content key of the run: physics version, resolved settings and seed.
+        run_key: String ["1"],
+        /// `ok` or `failed`.
+        status: String ["1"],
+        /// Why the run failed.
+        reason: Option<String> ["1"],
+        /// Which criterion ended the run.
+        stop: Option<String> ["1"],
+        /// Simulated time at the end.
+        time_s: Option<f64> ["s"],
+        /// Number of time steps.
+        steps: Option<u64> ["1"],
+        /// Particles in the final state.
+        particles: Option<u32> ["1"],
+        /// Mean number of contacts per particle in the final state.
+        coordination_number: Option<f64> ["1"],
+        /// Largest overlap of the run over the radius of the smaller particle.
+        max_overlap: Option<f64> ["1"],
+        /// Digest of the final particle states, an object of the store.
+        state: Option<String> ["1"],
+        /// Digest of the mass trace, an object of the store.
+        trace: Option<String> ["1"],
+    }
+}
+
+table! {
+    /// One row per simulation and observable.
+    pub struct KpiRow in "kpis" version 1 sorted by (label, experiment, point, repetition, kpi) {
+        /// Who asked for the run, as in `runs`.
+        label: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Point within the label, from 1.
+        point: u32 ["1"],
+        /// Hash of the parameter values and effect strengths.
+        parameter_hash: String ["1"],
+        /// Seed of the random packing.
+        seed: u64 ["1"],
+        /// Repetition, from 1.
+        repetition: u32 ["1"],
+        /// Content key of the run.
+        run_key: String ["1"],
+        /// Name of the observable; the first one of each experiment is its KPI.
+        kpi: String ["1"],
+        /// Value of the observable, in `unit`; null when it could not be measured.
+        value: Option<f64> ["see unit"],
+        /// Unit of `value`.
+        unit: String ["1"],
+        /// `ok` or `failed`.
+        status: String ["1"],
+        /// Why there is no value.
+        reason: Option<String> ["1"],
+    }
+}
+
+table! {
+    /// Mean and standard deviation of every observable over the first n repetitions of a design point.
+    pub struct AggregateRow in "aggregates" version 1 sorted by (experiment, kpi, point, n) {
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Design point.
+        point: u32 ["1"],
+        /// Hash of the parameter values.
+        parameter_hash: String ["1"],
+        /// Number of repetitions asked for.
+        n: u32 ["1"],
+        /// Number of repetitions among them that gave a value.
+        count: u32 ["1"],
+        /// Mean.
+        mean: Option<f64> ["see unit"],
+        /// Lower limit of the mean's confidence interval.
+        mean_lower: Option<f64> ["see unit"],
+        /// Upper limit of the mean's confidence interval.
+        mean_upper: Option<f64> ["see unit"],
+        /// Standard deviation (n - 1).
+        sd: Option<f64> ["see unit"],
+        /// Lower limit of the standard deviation's confidence interval.
+        sd_lower: Option<f64> ["see unit"],
+        /// Upper limit of the standard deviation's confidence interval.
+        sd_upper: Option<f64> ["see unit"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// One row per trained metamodel: kind, number of repetitions, likelihood and errors.
+    pub struct MetamodelRow in "metamodels" version 1 sorted by (kpi, kind, n) {
+        /// Observable that the metamodel predicts.
+        kpi: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// Repetitions it was trained on.
+        n: u32 ["1"],
+        /// Design points it was trained on.
+        points: u32 ["1"],
+        /// Log marginal likelihood of the mean's Gaussian process.
+        lml: Option<f64> ["1"],
+        /// NRMSE of the mean in the training points (eq. 15).
+        nrmse_train_mean: Option<f64> ["1"],
+        /// NRMSE of the standard deviation in the training points.
+        nrmse_train_sd: Option<f64> ["1"],
+        /// NRMSE of the mean in the validation points.
+        nrmse_validation_mean: Option<f64> ["1"],
+        /// NRMSE of the standard deviation in the validation points.
+        nrmse_validation_sd: Option<f64> ["1"],
+        /// `ok` or `failed`.
+        status: String ["1"],
+        /// Why there is no metamodel.
+        reason: Option<String> ["1"],
+    }
+}
+
+table! {
+    /// Numbers that rebuild every metamodel from `samples` and `aggregates` without a search.
+    pub struct HyperparameterRow in "hyperparameters" version 1 sorted by (kpi, kind, n, response, name) {
+        /// Observable.
+        kpi: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// Repetitions.
+        n: u32 ["1"],
+        /// Which of the metamodel's processes: mean, cv or log_variance.
+        response: String ["1"],
+        /// Name of the number: log10_a of a parameter, scale, jitter and so on.
+        name: String ["1"],
+        /// Its value.
+        value: f64 ["1"],
+    }
+}
+
+table! {
+    /// Measured statistics of every data set: what the calibration aims at and what is held out.
+    pub struct TargetRow in "targets" version 1 sorted by (measured, experiment, kpi) {
+        /// Name of the measured data set.
+        measured: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Number of measured repetitions.
+        n: u32 ["1"],
+        /// Mean.
+        mean: f64 ["see unit"],
+        /// Lower limit of the mean's confidence interval.
+        mean_lower: f64 ["see unit"],
+        /// Upper limit of the mean's confidence interval.
+        mean_upper: f64 ["see unit"],
+        /// Standard deviation.
+        sd: f64 ["see unit"],
+        /// Lower limit of the standard deviation's confidence interval.
+        sd_lower: f64 ["see unit"],
+        /// Upper limit of the standard deviation's confidence interval.
+        sd_upper: f64 ["see unit"],
+        /// p-value of the Lilliefors test of normality, where single values are given.
+        lilliefors_p: Option<f64> ["1"],
+        /// Unit of the values.
+        unit: String ["1"],
+        /// Used by the calibration (true) or held out (false).
+        fitted: bool ["1"],
+    }
+}
+
+table! {
+    /// One row per calibration: data set, kind of metamodel, approach and number of repetitions.
+    pub struct CalibrationRow in "calibrations" version 1 sorted by (measured, kind, approach, n) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// m (mean) or mv (mean and variance).
+        approach: String ["1"],
+        /// Repetitions behind the metamodel.
+        n: u32 ["1"],
+        /// Objective at the optimum (eqs 10-13).
+        objective: Option<f64> ["1"],
+        /// Number of starts.
+        starts: u32 ["1"],
+        /// Number of starts that ended within 1 % of the best objective.
+        starts_at_optimum: Option<u32> ["1"],
+        /// Directions that the data do not fix, in words; empty when none.
+        flat_directions: Option<String> ["1"],
+        /// `ok` or `failed`.
+        status: String ["1"],
+        /// Why there is no optimum.
+        reason: Option<String> ["1"],
+    }
+}
+
+table! {
+    /// Calibrated parameters with their uncertainty.
+    pub struct OptimumRow in "optima" version 1 sorted by (measured, kind, approach, n, parameter) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// m or mv.
+        approach: String ["1"],
+        /// Repetitions behind the metamodel.
+        n: u32 ["1"],
+        /// Parameter.
+        parameter: String ["1"],
+        /// Calibrated value.
+        value: f64 ["see unit"],
+        /// Lower limit of the 95 % credible interval (posterior over the metamodel).
+        lower: Option<f64> ["see unit"],
+        /// Upper limit of the 95 % credible interval.
+        upper: Option<f64> ["see unit"],
+        /// Unit of the values.
+        unit: String ["1"],
+        /// The optimum lies on a bound of this parameter.
+        at_bound: bool ["1"],
+    }
+}
+
+table! {
+    /// What the metamodels predict at the optima.
+    pub struct PredictionRow in "predictions" version 1 sorted by (measured, kind, approach, n, kpi) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// m or mv.
+        approach: String ["1"],
+        /// Repetitions behind the metamodel.
+        n: u32 ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Predicted mean.
+        mean: f64 ["see unit"],
+        /// Predicted standard deviation between repetitions, as the kind of metamodel defines it.
+        sd: Option<f64> ["see unit"],
+        /// Standard deviation of the predicted mean itself.
+        epistemic_sd: Option<f64> ["see unit"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// DEM runs at the optima against the metamodel's prediction and the measured target (Tables 8, Figs 15 and 16).
+    pub struct VerificationRow in "verification" version 1 sorted by (measured, kind, approach, n, kpi) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// m or mv.
+        approach: String ["1"],
+        /// Repetitions behind the metamodel and of these runs.
+        n: u32 ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Runs that gave a value.
+        count: u32 ["1"],
+        /// Simulated mean.
+        mean: Option<f64> ["see unit"],
+        /// Lower limit of its confidence interval.
+        mean_lower: Option<f64> ["see unit"],
+        /// Upper limit of its confidence interval.
+        mean_upper: Option<f64> ["see unit"],
+        /// Simulated standard deviation.
+        sd: Option<f64> ["see unit"],
+        /// Predicted mean.
+        predicted_mean: f64 ["see unit"],
+        /// Predicted standard deviation.
+        predicted_sd: Option<f64> ["see unit"],
+        /// Measured mean.
+        target_mean: f64 ["see unit"],
+        /// Measured standard deviation.
+        target_sd: f64 ["see unit"],
+        /// Simulated over predicted mean, minus one.
+        prediction_error_percent: Option<f64> ["%"],
+        /// Simulated over measured mean, minus one.
+        target_error_percent: Option<f64> ["%"],
+        /// The same for mean + standard deviation.
+        target_error_upper_percent: Option<f64> ["%"],
+        /// The same for mean - standard deviation.
+        target_error_lower_percent: Option<f64> ["%"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// Held-out equipment runs at the optima against the measurement (eq. 14, Table 9).
+    pub struct ValidationRow in "validation" version 1 sorted by (measured, kind, approach, n, kpi) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// m or mv.
+        approach: String ["1"],
+        /// Repetitions behind the metamodel.
+        n: u32 ["1"],
+        /// Held-out observable.
+        kpi: String ["1"],
+        /// Runs asked for.
+        repetitions: u32 ["1"],
+        /// Runs that gave a value.
+        count: u32 ["1"],
+        /// Simulated mean.
+        mean: Option<f64> ["see unit"],
+        /// Lower limit of its confidence interval.
+        mean_lower: Option<f64> ["see unit"],
+        /// Upper limit of its confidence interval.
+        mean_upper: Option<f64> ["see unit"],
+        /// Simulated standard deviation.
+        sd: Option<f64> ["see unit"],
+        /// Measured mean.
+        target_mean: f64 ["see unit"],
+        /// Measured standard deviation.
+        target_sd: f64 ["see unit"],
+        /// Number of measured repetitions.
+        target_n: u32 ["1"],
+        /// Error of the simulated mean (eq. 14).
+        error_percent: Option<f64> ["%"],
+        /// Lower limit of the error's confidence interval (both means uncertain, Welch).
+        error_lower_percent: Option<f64> ["%"],
+        /// Upper limit of the error's confidence interval.
+        error_upper_percent: Option<f64> ["%"],
+        /// Why there is no value.
+        reason: Option<String> ["1"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// Signatures: change of every statistic per unit of an effect's strength, and of every parameter.
+    pub struct SignatureRow in "signatures" version 1 sorted by (measured, source, kpi, statistic) {
+        /// Measured data set at whose optimum the signature holds.
+        measured: String ["1"],
+        /// Effect, or parameter (per unit of its scaled range).
+        source: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// mean or ln_sd.
+        statistic: String ["1"],
+        /// Change of the statistic per unit of strength.
+        value: f64 ["see unit"],
+        /// Standard error of `value`.
+        standard_error: f64 ["see unit"],
+        /// How it was found: `anchors` (interpolated over the shared design) or `direct` (differences at the optimum).
+        origin: String ["1"],
+    }
+}
+
+table! {
+    /// What is left between the calibrated model and every measured statistic.
+    pub struct ResidualRow in "residuals" version 1 sorted by (measured, kpi, statistic) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// mean or ln_sd.
+        statistic: String ["1"],
+        /// Measured value of the statistic.
+        measured_value: f64 ["see unit"],
+        /// Value of the calibrated model.
+        model_value: f64 ["see unit"],
+        /// Measured minus model.
+        residual: f64 ["see unit"],
+        /// Standard error of the residual: measurement, simulation and metamodel together.
+        standard_error: f64 ["see unit"],
+        /// Residual over its standard error.
+        z: f64 ["1"],
+        /// The same for the part of the residual that no parameter can absorb.
+        unabsorbed_z: f64 ["1"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// One row per candidate effect: how well it explains the residual and how small a strength would be seen.
+    pub struct AttributionRow in "attribution" version 1 sorted by (measured, effect) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// Candidate effect.
+        effect: String ["1"],
+        /// Unit of its strength.
+        unit: String ["1"],
+        /// Estimated strength.
+        strength: f64 ["see unit"],
+        /// Standard error of the strength.
+        strength_sd: f64 ["see unit"],
+        /// Length of the whitened signature that calibration cannot absorb, per unit of strength.
+        a: f64 ["1"],
+        /// Score of the residual along the signature.
+        z: f64 ["1"],
+        /// Family-wise p-value of the score.
+        p_family: f64 ["1"],
+        /// Misfit left once the effect is in the model.
+        leftover: f64 ["1"],
+        /// p-value of the leftover.
+        leftover_p: f64 ["1"],
+        /// Share of the signature that calibration cannot absorb.
+        visibility: f64 ["1"],
+        /// The signature differs from zero beyond its own error.
+        resolved: bool ["1"],
+        /// The strength lies in the effect's physical range.
+        physical: bool ["1"],
+        /// Natural logarithm of the odds against no effect.
+        ln_odds: f64 ["1"],
+        /// Strength at which the procedure names the effect (alone or in a class of at most three) in 90 % of cases;
+        /// null where no strength of the physical range does.
+        strength_90: Option<f64> ["see unit"],
+        /// Part the effect plays in the verdict: named, class, pair, rejected, absorbed, unresolved or not_testable.
+        part: String ["1"],
+    }
+}
+
+table! {
+    /// How alike the visible parts of two signatures are.
+    pub struct ConfusionRow in "confusion" version 1 sorted by (measured, effect, other) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// Effect.
+        effect: String ["1"],
+        /// Another effect.
+        other: String ["1"],
+        /// Cosine of the angle between their projected signatures.
+        cosine: f64 ["1"],
+        /// Expected separation at the estimated strength, in units of ln odds.
+        separation: f64 ["1"],
+    }
+}
+
+table! {
+    /// The verdict on every measured data set.
+    pub struct VerdictRow in "verdicts" version 1 sorted by (measured) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// Verdict code: no_detectable_discrepancy, effect, class, pair, none_of_the_candidates or not_attributable.
+        verdict: String ["1"],
+        /// Effects the verdict names, separated by commas.
+        effects: String ["1"],
+        /// The verdict as a sentence.
+        sentence: String ["1"],
+        /// Misfit of the calibrated model without any effect.
+        t0: f64 ["1"],
+        /// Degrees of freedom of the misfit.
+        dof: u32 ["1"],
+        /// p-value of the misfit.
+        p: f64 ["1"],
+        /// Observables that carry what is left, with their standardised share.
+        direction: String ["1"],
+        /// The measurement that would tell a class apart, or what else to do; empty when none is needed.
+        advice: String ["1"],
+    }
+}
+
+table! {
+    /// Parameters and strengths before and after the effect was added.
+    pub struct RecalibrationRow in "recalibration" version 1 sorted by (measured, model, name) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// before or after.
+        model: String ["1"],
+        /// Parameter or effect.
+        name: String ["1"],
+        /// Value.
+        value: f64 ["see unit"],
+        /// Standard error.
+        standard_error: f64 ["see unit"],
+        /// Unit.
+        unit: String ["1"],
+        /// The value lies on a bound.
+        at_bound: bool ["1"],
+    }
+}
+
+table! {
+    /// Error of every statistic before and after the effect was added, from DEM runs.
+    pub struct BeforeAfterRow in "before_after" version 1 sorted by (measured, kpi, statistic) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// mean or sd.
+        statistic: String ["1"],
+        /// The fit used this observable (true) or never saw it (false).
+        fitted: bool ["1"],
+        /// Measured value.
+        measured_value: f64 ["see unit"],
+        /// Simulated value before.
+        before: Option<f64> ["see unit"],
+        /// Simulated value after.
+        after: Option<f64> ["see unit"],
+        /// Error before.
+        before_error_percent: Option<f64> ["%"],
+        /// Lower limit of its confidence interval.
+        before_lower_percent: Option<f64> ["%"],
+        /// Upper limit of its confidence interval.
+        before_upper_percent: Option<f64> ["%"],
+        /// Error after.
+        after_error_percent: Option<f64> ["%"],
+        /// Lower limit of its confidence interval.
+        after_lower_percent: Option<f64> ["%"],
+        /// Upper limit of its confidence interval.
+        after_upper_percent: Option<f64> ["%"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+/// Runs at the optima, with the columns of `runs`.
+pub static VERIFY_RUNS: TableSpec = TableSpec { name: "verify_runs", ..*RunRow::SPEC };
+/// Observables of the runs at the optima, with the columns of `kpis`.
+pub static VERIFY_KPIS: TableSpec = TableSpec { name: "verify_kpis", ..*KpiRow::SPEC };
+/// Runs of the held-out equipment, with the columns of `runs`.
+pub static VALIDATE_RUNS: TableSpec = TableSpec { name: "validate_runs", ..*RunRow::SPEC };
+/// Observables of the held-out equipment, with the columns of `kpis`.
+pub static VALIDATE_KPIS: TableSpec = TableSpec { name: "validate_kpis", ..*KpiRow::SPEC };
+/// Runs of the diagnosis, with the columns of `runs`.
+pub static DIAGNOSE_RUNS: TableSpec = TableSpec { name: "diagnose_runs", ..*RunRow::SPEC };
+/// Observables of the diagnosis, with the columns of `kpis`.
+pub static DIAGNOSE_KPIS: TableSpec = TableSpec { name: "diagnose_kpis", ..*KpiRow::SPEC };
+
+/// Every table of the lake, in the order in which the stages write them.
+pub const TABLES: &[&TableSpec] = &[
+    SampleRow::SPEC,
+    RunRow::SPEC,
+    KpiRow::SPEC,
+    AggregateRow::SPEC,
+    MetamodelRow::SPEC,
+    HyperparameterRow::SPEC,
+    TargetRow::SPEC,
+    CalibrationRow::SPEC,
+    OptimumRow::SPEC,
+    PredictionRow::SPEC,
+    &VERIFY_RUNS,
+    &VERIFY_KPIS,
+    VerificationRow::SPEC,
+    &VALIDATE_RUNS,
+    &VALIDATE_KPIS,
+    ValidationRow::SPEC,
+    &DIAGNOSE_RUNS,
+    &DIAGNOSE_KPIS,
+    SignatureRow::SPEC,
+    ResidualRow::SPEC,
+    AttributionRow::SPEC,
+    ConfusionRow::SPEC,
+    VerdictRow::SPEC,
+    RecalibrationRow::SPEC,
+    BeforeAfterRow::SPEC,
+];

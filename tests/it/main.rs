@@ -1,0 +1,19 @@
+//! The integration tests: one binary, one module per subject.
+
+mod attribution;
+mod closed_loop;
+mod config;
+mod effects;
+mod experiments;
+mod golden;
+mod layering;
+mod least_squares;
+mod oracles_design;
+mod oracles_gp;
+mod oracles_statistics;
+mod physics;
+mod pipeline;
+mod report;
+mod schemas;
+mod store;
+mod support;

@@ -1,0 +1,246 @@
+//! The tool as a user sees it: a tiny study in a temporary folder, run by the real binary.
+
+use crate::support::{Study, shipped_setup};
+use granulake::tables::{AggregateRow, KpiRow, RunRow, SampleRow, VerdictRow};
+use std::time::{Duration, Instant};
+
+const HEAD: &str = r#"
+[study]
+name = "tiny"
+seed = 7
+repetitions = 2
+resolution = "coarse"
+
+[parameters.sliding_friction]
+lower = 0.2
+upper = 0.8
+
+[parameters.particle_density]
+lower = 2500
+upper = "2.8 g/cm3"
+
+[experiments]
+fitted = ["ledge", "bulk_density"]
+
+[design]
+boundary_levels = 2
+interior = 3
+validation = 2
+
+[[measured]]
+name = "lab"
+path = "lab.csv"
+comparable = true
+
+[metamodel]
+kinds = ["ibm", "sk"]
+starts = 20
+
+[calibrate]
+approaches = ["m"]
+starts = 20
+
+[verify]
+counts = [2]
+
+[validate]
+experiment = "pile"
+repetitions = 2
+
+[diagnose]
+candidates = ["size_distribution"]
+anchors = 2
+anchor_repetitions = 10
+refine_repetitions = 12
+bootstrap = 200
+
+"#;
+
+const LAB: &str = "experiment,kpi,mean,sd,n,unit
+ledge,angle_of_movement,33,4,12,deg
+ledge,ledge_mass,2.6,0.2,12,kg
+ledge,ledge_back_height,0.2,0.01,12,m
+bulk_density,bulk_density,1400,15,12,kg/m3
+bulk_density,cylinder_count,480,9,12,1
+pile,angle_of_repose,22,4,5,deg
+";
+
+fn tiny() -> Study {
+    let study = HEAD.replace("g/cm3", "kg/m3").replace("\"2.8 kg/m3\"", "2800") + &shipped_setup();
+    Study::new(&[("pipeline.toml", &study), ("lab.csv", LAB)])
+}
+
+const STAGES: [&str; 10] =
+    ["sample", "simulate", "kpi", "aggregate", "train", "calibrate", "verify", "validate", "diagnose", "report"];
+
+#[test]
+fn the_whole_study_runs_once_and_then_does_nothing() {
+    let study = tiny();
+    let first = study.succeed(&["repro"]);
+    assert!(first.out.contains("report: "), "{}", first.out);
+    let report = std::fs::read_to_string(study.path("artifacts/report/index.html")).expect("a report");
+    assert!(report.contains("angle_of_movement"));
+    assert_eq!(study.table::<SampleRow>().len(), (4 + 3 + 2) * 2);
+    let runs: Vec<RunRow> = study.table();
+    assert_eq!(runs.len(), 9 * 2 * 2);
+    assert!(runs.iter().all(|run| run.parameter_hash.len() == 64 && run.seed != 0 && run.status == "ok"));
+    let verdicts: Vec<VerdictRow> = study.table();
+    assert_eq!(verdicts.len(), 1);
+    assert_eq!(study.run(&["status"]).code, Some(0));
+
+    let before = study.outputs();
+    let clock = Instant::now();
+    let second = study.repro(&[]);
+    assert!(clock.elapsed() < Duration::from_secs(1), "a repro with nothing to do took {:?}", clock.elapsed());
+    assert!(STAGES.iter().all(|stage| second[*stage] == "fresh"), "{second:?}");
+    assert_eq!(study.outputs(), before);
+
+    only_new_repetitions_are_computed(&study, &before);
+    a_changed_weight_leaves_the_simulations_alone(&study);
+    a_damaged_table_is_found_and_made_anew(&study);
+    tables_answer_queries(&study);
+}
+
+fn only_new_repetitions_are_computed(study: &Study, before: &std::collections::BTreeMap<String, Vec<u8>>) {
+    let old: Vec<KpiRow> = study.table();
+    let plan = study.plan("simulate", &["--reps", "3"]);
+    assert_eq!((plan["runs"].as_u64(), plan["new_runs"].as_u64()), (Some(54), Some(18)), "{plan}");
+    let more = study.repro(&["--reps", "3"]);
+    assert_eq!(more["sample"], "fresh");
+    assert_eq!(more["simulate"], "ran");
+    let new: Vec<KpiRow> = study.table();
+    assert!(old.iter().all(|row| new.contains(row)), "growing the repetitions changed a row");
+    let aggregates: Vec<AggregateRow> = study.table();
+    assert!(aggregates.iter().any(|row| row.n == 3 && row.count == 3));
+
+    let less = study.repro(&[]);
+    assert!(STAGES[1..].iter().all(|stage| less[*stage] == "restored"), "{less:?}");
+    assert_eq!(&study.outputs(), before, "going back to two repetitions gives the tables of two");
+}
+
+fn a_changed_weight_leaves_the_simulations_alone(study: &Study) {
+    study.edit("pipeline.toml", "approaches = [\"m\"]\n", "approaches = [\"m\"]\nc = 0.25\n");
+    let why = study.succeed(&["why", "calibrate"]).out;
+    assert!(why.contains("calibrate.c: 0.5 -> 0.25"), "{why}");
+    let done = study.repro(&[]);
+    assert!(STAGES[..5].iter().all(|stage| done[*stage] == "fresh"), "{done:?}");
+    assert_eq!(done["calibrate"], "ran");
+    study.edit("pipeline.toml", "c = 0.25\n", "");
+    study.repro(&[]);
+}
+
+fn a_damaged_table_is_found_and_made_anew(study: &Study) {
+    let before = study.outputs();
+    let path = study.path("artifacts/tables/aggregates/aggregates.parquet");
+    let mut bytes = std::fs::read(&path).expect("a table");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, bytes).expect("a table");
+    assert_eq!(study.run(&["fsck"]).code, Some(0), "sizes alone do not show a flipped bit");
+    let full = study.run(&["fsck", "--full"]);
+    assert_eq!(full.code, Some(3), "{}", full.out);
+    assert!(full.out.contains("aggregates.parquet"), "{}", full.out);
+    study.repro(&[]);
+    assert_eq!(study.outputs(), before);
+    assert_eq!(study.run(&["fsck", "--full"]).code, Some(0));
+    assert!(study.succeed(&["gc", "--dry-run"]).out.contains("could be deleted"));
+}
+
+#[cfg(feature = "query")]
+fn tables_answer_queries(study: &Study) {
+    let sql = "SELECT count(*) AS n, count(DISTINCT run_key) AS runs FROM kpis WHERE kpi = 'bulk_density'";
+    let answer = study.succeed(&["query", sql, "--format", "json"]).out;
+    let answer: serde_json::Value = serde_json::from_str(&answer).expect("JSON");
+    assert_eq!((answer[0]["n"].as_i64(), answer[0]["runs"].as_i64()), (Some(18), Some(18)), "{answer}");
+    assert!(
+        study.succeed(&["query", "SELECT * FROM verdicts", "--format", "csv"]).out.starts_with("measured,verdict,")
+    );
+}
+
+#[cfg(not(feature = "query"))]
+fn tables_answer_queries(study: &Study) {
+    assert!(study.run(&["query", "SELECT 1"]).err.contains("without the `query` feature"));
+}
+
+#[test]
+fn one_and_two_threads_give_the_same_bytes_and_a_kill_loses_nothing() {
+    let (one, two) = (tiny(), tiny());
+    one.succeed(&["repro", "--jobs", "1"]);
+    for pause in [300, 700, 1500] {
+        let mut child = two.command(&["repro", "--jobs", "2"]).spawn().expect("the binary starts");
+        std::thread::sleep(Duration::from_millis(pause));
+        // SIGKILL on Unix: the process has no chance to tidy up.
+        child.kill().expect("a running process");
+        child.wait().expect("an ended process");
+    }
+    two.succeed(&["repro", "--jobs", "2"]);
+    let (one, two) = (one.outputs(), two.outputs());
+    assert_eq!(one.keys().collect::<Vec<_>>(), two.keys().collect::<Vec<_>>());
+    for (name, bytes) in &one {
+        assert!(bytes == &two[name], "{name} differs");
+    }
+}
+
+#[test]
+fn a_single_simulation_prints_its_kpis() {
+    let study = tiny();
+    let arguments = ["sim", "bulk_density", "--set", "sliding_friction=0.4", "--seed", "3", "--json"];
+    let ended = study.succeed(&arguments);
+    let answer: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
+    let density = &answer["kpis"]["bulk_density"];
+    assert_eq!(density["unit"], "kg/m3");
+    assert!((1000.0..2000.0).contains(&density["value"].as_f64().expect("a number")), "{answer}");
+    assert_eq!(study.succeed(&arguments).out, ended.out, "the same seed gives the same bytes");
+    let with_zero = study.succeed(&[&arguments[..], &["--effect", "cohesion=0"]].concat()).out;
+    assert_eq!(with_zero, ended.out, "strength 0 is the same as absent");
+    let with = study.succeed(&[&arguments[..], &["--effect", "cohesion=1"]].concat()).out;
+    assert_ne!(with, ended.out);
+}
+
+#[test]
+fn mistakes_are_told_with_place_and_remedy() {
+    let study = tiny();
+    let message = |arguments: &[&str], code: i32, parts: &[&str]| {
+        let ended = study.run(arguments);
+        assert_eq!(ended.code, Some(code), "{arguments:?}: {}", ended.err);
+        for part in parts {
+            assert!(ended.err.contains(part), "{arguments:?} does not say {part:?} but {}", ended.err);
+        }
+    };
+    message(&["repro", "trian"], 1, &["no stage is called `trian`", "train"]);
+    message(&["sim", "heap"], 1, &["no experiment is called `heap`", "pile"]);
+    message(&["sim", "pile", "--set", "sliding_fricton=0.3"], 1, &["sliding_friction"]);
+    message(&["sim", "pile", "--set", "pile.depth=3 kg"], 1, &["kg"]);
+    message(&["--study", "absent.toml", "status"], 1, &["absent.toml", "granulake init"]);
+    message(&["repro", "--reps", "0"], 1, &["--reps"]);
+    message(&["frobnicate"], 2, &["unrecognized subcommand"]);
+    study.edit("pipeline.toml", "[design]", "[desing]");
+    message(&["plan"], 1, &["pipeline.toml:", "desing", "design"]);
+    study.edit("pipeline.toml", "[desing]", "[design]");
+    study.edit("lab.csv", "1400,15,12,kg/m3", "NaN,15,12,kg/m3");
+    message(&["repro"], 1, &["lab.csv:5", "NaN"]);
+}
+
+#[test]
+fn init_writes_a_study_that_plans() {
+    let study = Study::new(&[]);
+    study.succeed(&["init", "new study"]);
+    let again = study.run(&["init", "new study"]);
+    assert_eq!(again.code, Some(1));
+    assert!(again.err.contains("nothing that exists is overwritten"), "{}", again.err);
+    let plan = study.succeed(&["--study", "new study/pipeline.toml", "plan"]).out;
+    assert!(plan.contains("sample") && plan.contains("never ran"), "{plan}");
+}
+
+#[test]
+fn the_full_study_plans() {
+    let study = Study::new(&[
+        ("studies/fransen2022.toml", include_str!("../../studies/fransen2022.toml")),
+        ("artifacts/measured/fransen2022.csv", include_str!("../../artifacts/measured/fransen2022.csv")),
+    ]);
+    study.succeed(&["--study", "studies/fransen2022.toml", "repro", "sample"]);
+    let ended = study.succeed(&["--study", "studies/fransen2022.toml", "plan", "--json"]);
+    let plan: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
+    let simulate = plan.as_array().expect("rows").iter().find(|row| row["stage"] == "simulate").expect("simulate");
+    assert_eq!(simulate["runs"].as_u64(), Some((27 + 100 + 32) * 50 * 3));
+}
