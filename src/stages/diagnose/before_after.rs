@@ -58,7 +58,7 @@ pub fn compare(case: &Case, lab: &mut Lab, model: Model, tables: &mut Tables) ->
 }
 
 /// Parameters and strength together: the plain model's slopes with the candidate's signature as one more column.
-fn recalibrate(case: &Case, candidate: &Candidate) -> Result<GlsFit, StageError> {
+pub fn recalibrate(case: &Case, candidate: &Candidate) -> Result<GlsFit, StageError> {
     let p = case.context.config.parameters.len();
     let Signature { per_unit, strength } = &candidate.signatures[candidate.signatures.len() - 1];
     let columns =

@@ -65,7 +65,20 @@ pub fn batch(
     u: &DVector<f64>,
     effects: &[(String, f64)],
 ) -> Result<Batch, StageError> {
+    paired_batch(context, lab, label, u, effects, u)
+}
+
+/// The same with the packings of the runs at `pair`.
+pub fn paired_batch(
+    context: &Context,
+    lab: &mut Lab,
+    label: String,
+    u: &DVector<f64>,
+    effects: &[(String, f64)],
+    pair: &DVector<f64>,
+) -> Result<Batch, StageError> {
     let point = with_more(context, &point_at(context, 1, u.as_slice())?, effects);
+    let point = point.paired_with(&point_at(context, 1, pair.as_slice())?);
     Ok(lab.run(&[job(context, label, point)])?.remove(0))
 }
 

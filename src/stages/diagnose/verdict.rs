@@ -14,9 +14,22 @@ use crate::effects;
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{
-    Attribution, Candidate, Options, Problem, Row, RowKind, Signature, Verdict, attribute,
+    Attribution, Candidate, EffectReport, Options, Problem, Row, RowKind, Signature, Status, Verdict, attribute,
 };
 use nalgebra::{DMatrix, DVector};
+
+/// How many candidates get a signature of their own at the optimum.
+const LEADERS: usize = 2;
+
+/// Most rounds in which a signature follows its own strength.
+const ROUNDS: usize = 3;
+
+/// Relative change of the strength below which the signature counts as taken at the strength itself.
+const SETTLED: f64 = 0.15;
+
+/// Standard errors that a strength must exceed for its candidate to be a leader: a secant over a strength near zero is
+/// all noise.
+const SIGNIFICANT: f64 = 3.0;
 
 /// Everything known of one data set before its attribution.
 pub struct Case<'a> {
@@ -67,16 +80,14 @@ pub fn diagnose(
         }
     };
     let mut candidates = candidates(&case, anchors)?;
-    let mut attribution = attributed(&case, candidates.clone())?;
-    let accepted = accepted(&case, &attribution);
-    if let Some((name, strength)) = &accepted {
-        sharpen(&case, lab, &mut candidates, name, *strength)?;
-        attribution = attributed(&case, candidates.clone())?;
+    let first = attributed(&case, candidates.clone())?;
+    for name in leaders(&case, &first) {
+        sharpen(&case, lab, &mut candidates, &name)?;
     }
-    // The sharper signature may change the verdict; what is added follows the final one.
-    let accepted = self::accepted(&case, &attribution).filter(|_| accepted.is_some());
+    let attribution = attributed(&case, candidates.clone())?;
     rows::write(&case, &candidates, &attribution, tables);
-    let added = accepted.and_then(|(name, _)| candidates.into_iter().find(|candidate| candidate.name == name));
+    let accepted = accepted(&case, &attribution);
+    let added = accepted.and_then(|name| candidates.into_iter().find(|candidate| candidate.name == name));
     before_after::compare(&case, lab, Model { candidate: added.as_ref() }, tables)
 }
 
@@ -247,34 +258,72 @@ fn options(case: &Case) -> Options {
     }
 }
 
-/// The effect to add with its strength: the one that the study demands, or the one that the verdict names.
-fn accepted(case: &Case, attribution: &Attribution) -> Option<(String, f64)> {
-    case.attributable().ok()?;
-    let found = |name: &str| attribution.effect(name).map(|effect| (name.to_owned(), effect.strength));
-    let chosen = match (&case.context.config.effects.accept, &attribution.verdict) {
-        (Accept::None, _) => None,
-        (Accept::Effect(name), _) => found(name),
-        (Accept::Auto, Verdict::Effect(member)) => found(&member.name),
-        (Accept::Auto, _) => None,
-    };
-    chosen.filter(|(_, strength)| *strength != 0.0)
+/// Candidates whose signature is taken anew before the verdict: the likeliest few, where there is
+/// something to explain. Signatures bend, and a leftover judged with the wrong secant rejects the right effect.
+fn leaders(case: &Case, attribution: &Attribution) -> Vec<String> {
+    let options = options(case);
+    if case.attributable().is_err() || attribution.t0_p > options.adequacy_level {
+        return Vec::new();
+    }
+    let forced = |name: &str| case.context.config.effects.accept == Accept::Effect(name.to_owned());
+    let mut effects: Vec<&EffectReport> = attribution
+        .effects
+        .iter()
+        .filter(|effect| effect.strength.abs() > SIGNIFICANT * effect.strength_sd)
+        .filter(|effect| effect.status == Status::Testable || forced(&effect.name))
+        .collect();
+    effects.sort_by(|a, b| b.ln_bayes.total_cmp(&a.ln_bayes));
+    effects.into_iter().take(LEADERS).map(|effect| effect.name.clone()).collect()
 }
 
-/// Takes the signature of an effect anew, at the optimum and at its estimated strength.
-fn sharpen(
-    case: &Case,
-    lab: &mut Lab,
-    candidates: &mut [Candidate],
-    name: &str,
-    strength: f64,
-) -> Result<(), StageError> {
-    let label = format!("{}/{name}", case.set.name);
-    let with = direct::batch(case.context, lab, label, &case.optimum, &[(name.to_owned(), strength)])?;
-    let difference = with.paired_difference(&case.before, &case.evidence.statistics);
-    let candidate = candidates.iter_mut().find(|candidate| candidate.name == name);
-    if let (Some(difference), Some(candidate)) = (difference, candidate) {
-        candidate.signatures = vec![Signature { strength, per_unit: DVector::from_vec(difference.values) / strength }];
-        candidate.covariance = difference.covariance / (strength * strength);
+/// The effect to add: the one that the study demands, or the one that the verdict names.
+fn accepted(case: &Case, attribution: &Attribution) -> Option<String> {
+    case.attributable().ok()?;
+    match (&case.context.config.effects.accept, &attribution.verdict) {
+        (Accept::None, _) => None,
+        (Accept::Effect(name), _) => Some(name.clone()),
+        (Accept::Auto, Verdict::Effect(member)) => Some(member.name.clone()),
+        (Accept::Auto, _) => None,
+    }
+}
+
+/// Takes the signature of an effect anew where parameters and strength would go together, until the strength stays.
+fn sharpen(case: &Case, lab: &mut Lab, candidates: &mut [Candidate], name: &str) -> Result<(), StageError> {
+    let Some(candidate) = candidates.iter_mut().find(|candidate| candidate.name == name) else { return Ok(()) };
+    let p = case.optimum.len();
+    let mut last = 0.0;
+    for round in 1..=ROUNDS {
+        let fitted = before_after::recalibrate(case, candidate)?.parameters;
+        let strength = fitted[p];
+        if strength == 0.0 || (strength - last).abs() <= SETTLED * strength.abs() {
+            break;
+        }
+        let label = format!("{}/{name} {round}", case.set.name);
+        let u = fitted.rows(0, p).into_owned();
+        let Some(secant) = secant(case, lab, label, name, &u, strength)? else { break };
+        candidate.signatures = vec![Signature { strength, per_unit: DVector::from_vec(secant.values) }];
+        candidate.covariance = secant.covariance;
+        last = strength;
     }
     Ok(())
+}
+
+/// The secant of an effect at (θ₁, η₁) = (`u`, `strength`), [f(θ₁, η₁) − f(θ̂, 0) − J (θ₁ − θ̂)]/η₁, with the covariance of
+/// its error.
+///
+/// With it the linear model of the attribution meets the simulation at that point exactly, however the effect bends and
+/// however far the parameters move: an error of J cancels there and is no error of the secant. Runs share their packings
+/// with those at the optimum.
+fn secant(
+    case: &Case,
+    lab: &mut Lab,
+    label: String,
+    name: &str,
+    u: &DVector<f64>,
+    strength: f64,
+) -> Result<Option<Moments>, StageError> {
+    let with = direct::paired_batch(case.context, lab, label, u, &[(name.to_owned(), strength)], &case.optimum)?;
+    let Some(difference) = with.paired_difference(&case.before, &case.evidence.statistics) else { return Ok(None) };
+    let secant = (DVector::from_vec(difference.values) - &case.slopes.jacobian * (u - &case.optimum)) / strength;
+    Ok(Some(Moments { values: secant.as_slice().to_vec(), covariance: difference.covariance / (strength * strength) }))
 }
