@@ -19,12 +19,18 @@ pub fn paper_targets() -> &'static str {
     include_str!("../../artifacts/measured/fransen2022.csv")
 }
 
+/// Measurements made by the shipped set-up with an effect that the shipped study does not declare.
+pub fn demo() -> &'static str {
+    include_str!("../../artifacts/measured/demo/measured.csv")
+}
+
 /// Path, relative to the new folder, and text of every file above, with the schema that editors complete from.
 pub fn files() -> Vec<(&'static str, String)> {
     vec![
         ("pipeline.toml", pipeline().to_owned()),
         ("schemas/pipeline.schema.json", schema::text()),
         ("artifacts/measured/fransen2022.csv", paper_targets().to_owned()),
+        ("artifacts/measured/demo/measured.csv", demo().to_owned()),
         ("artifacts/measured/template.csv", measured().to_owned()),
     ]
 }

@@ -79,7 +79,7 @@ fn the_whole_study_runs_once_and_then_does_nothing() {
     let first = study.succeed(&["repro"]);
     assert!(first.out.contains("report: "), "{}", first.out);
     let report = std::fs::read_to_string(study.path("artifacts/report/index.html")).expect("a report");
-    assert!(report.contains("angle_of_movement"));
+    assert!(report.contains("Angle of movement"));
     assert_eq!(study.table::<SampleRow>().len(), (4 + 3 + 2) * 2);
     let runs: Vec<RunRow> = study.table();
     assert_eq!(runs.len(), 9 * 2 * 2);

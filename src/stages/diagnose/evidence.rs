@@ -141,13 +141,14 @@ fn scatter_p(a: f64, nu_a: f64, b: f64, nu_b: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// Critical values of F as printed in tables: 2.774 at (10, 20), 2.5 % a side; 6.872 at (5, 10), 0.5 % a side.
     #[test]
-    fn equal_variances_agree_and_unequal_ones_do_not() {
-        assert!(scatter_p(1.0, 19.0, 1.0, 99.0) > 0.9);
-        assert!(scatter_p(4.0, 19.0, 1.0, 99.0) < 1e-5);
-        assert!(scatter_p(0.25, 19.0, 1.0, 99.0) < 0.01);
-        // scipy.stats.f: 2*f.sf(2.0, 19, 99) = 0.030218...
-        assert!((scatter_p(2.0, 19.0, 1.0, 99.0) - 0.0302).abs() < 5e-4);
+    fn scatter_is_compared_by_the_f_test() {
+        assert!((scatter_p(2.774, 10.0, 1.0, 20.0) - 0.05).abs() < 1e-4);
+        assert!((scatter_p(6.872, 5.0, 1.0, 10.0) - 0.01).abs() < 1e-5);
+        assert_eq!(scatter_p(3.0, 7.0, 2.0, 9.0), scatter_p(6.0, 7.0, 4.0, 9.0));
+        assert!((scatter_p(3.0, 7.0, 2.0, 9.0) - scatter_p(2.0, 9.0, 3.0, 7.0)).abs() < 1e-12);
+        assert!(scatter_p(1.0, 19.0, 1.0, 99.0) > 0.5 && scatter_p(4.0, 19.0, 1.0, 99.0) < 1e-5);
     }
 
     #[test]
