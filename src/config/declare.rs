@@ -242,7 +242,7 @@ const CALIBRATE: &[Key] = &[
 const VERIFY: &[Key] = &[key(
     "counts",
     Kind::Counts(1, 100_000),
-    "[3, 5, 10, 20, 50]",
+    "[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 15, 20, 30, 40, 50]",
     "numbers of repetitions n whose optima are simulated n times; those up to study.repetitions are used",
 )];
 
