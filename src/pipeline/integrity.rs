@@ -17,7 +17,9 @@ pub fn fsck(study: &Study, depth: Depth) -> Result<Report, PipelineError> {
     let mut needed = live(study, &[])?;
     // The report's files are objects too, but no Parquet, and are made anew from the tables.
     for output in study.store().ledger::<OutputRecord>("stages")?.rows().filter(|row| !row.path.ends_with(".parquet")) {
-        output.digest.parse::<Digest>().is_ok_and(|digest| needed.remove(&digest));
+        if let Ok(digest) = output.digest.parse::<Digest>() {
+            needed.remove(&digest);
+        }
     }
     Ok(examine(study.store(), &study.lock()?, &needed, depth, true)?)
 }
