@@ -1,8 +1,8 @@
 //! What to simulate: one request per run, with its seed, its hash and its content key.
 //!
 //! The seed of a run depends on base seed, experiment, base parameter values and repetition alone: never on the study,
-//! the stage, the point's index, the number of repetitions, an effect or a finite-difference offset. So a campaign
-//! that grows keeps its runs, two studies share them, and runs with and without an effect share their packing.
+//! the stage, the point's index, the number of repetitions or an effect. So a campaign that grows keeps its runs, two
+//! studies share them, and runs with and without an effect share their packing.
 
 use super::CampaignError;
 use crate::canonical::{Digest, Encoder, digest};
@@ -28,8 +28,6 @@ pub struct Point {
     pub settings: Arc<Settings>,
     /// Parameter values, sorted by name.
     pub parameters: Values,
-    /// Parameter values that give the seed; differ from `parameters` for an offset point of a finite difference.
-    pub seed_parameters: Values,
     /// Effect strengths, sorted by name; zero is the same as absent.
     pub effects: Values,
 }
@@ -46,13 +44,7 @@ impl Point {
         for (name, value) in &parameters {
             settings.set(name, *value)?;
         }
-        Ok(Self {
-            number,
-            settings: Arc::new(settings),
-            seed_parameters: parameters.clone(),
-            parameters,
-            effects: Vec::new(),
-        })
+        Ok(Self { number, settings: Arc::new(settings), parameters, effects: Vec::new() })
     }
 
     /// The same point with these effects on; zero strengths are dropped.
@@ -60,13 +52,6 @@ impl Point {
     pub fn with_effects(mut self, effects: &[(String, f64)]) -> Self {
         self.effects = effects.iter().filter(|(_, strength)| *strength != 0.0).cloned().collect();
         self.effects.sort_by(|a, b| a.0.cmp(&b.0));
-        self
-    }
-
-    /// The same point with the packings of `other`.
-    #[must_use]
-    pub fn paired_with(mut self, other: &Self) -> Self {
-        self.seed_parameters.clone_from(&other.seed_parameters);
         self
     }
 
@@ -116,7 +101,7 @@ impl Request {
     ) -> Result<Vec<Self>, CampaignError> {
         repetitions
             .map(|repetition| {
-                let seed = run_seed(base_seed, experiment.name(), &point.seed_parameters, repetition)?;
+                let seed = run_seed(base_seed, experiment.name(), &point.parameters, repetition)?;
                 Ok(Self { label: label.to_owned(), experiment, point: Arc::clone(point), repetition, seed })
             })
             .collect()
@@ -196,13 +181,13 @@ mod tests {
     }
 
     #[test]
-    fn effects_and_offsets_share_the_seed_but_not_the_key() {
+    fn an_effect_shares_the_seed_but_not_the_key() {
         let base = Arc::new(point(0.5));
-        let offset = Arc::new(point(0.6).paired_with(&base));
+        let with = Arc::new(point(0.5).with_effects(&[("cohesion".to_owned(), 0.5)]));
         let seed = |p: &Arc<Point>| Request::batch("a", EXPERIMENTS[0], p, 1..=1, 1).unwrap()[0].seed;
-        assert_eq!(seed(&base), seed(&offset));
-        assert_ne!(key((*base).clone(), 1), key((*offset).clone(), 1));
-        assert_ne!(base.hash().unwrap(), offset.hash().unwrap());
+        assert_eq!(seed(&base), seed(&with));
+        assert_ne!(key((*base).clone(), 1), key((*with).clone(), 1));
+        assert_ne!(base.hash().unwrap(), with.hash().unwrap());
     }
 
     #[test]

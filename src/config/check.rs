@@ -29,7 +29,6 @@ pub fn check(value: &DeValue, kind: Kind, unit: &str) -> Result<Value, Complaint
         Kind::Choice(words) => word(value, words).map(Value::Text),
         Kind::Choices(options) => words(value, options).map(Value::Words),
         Kind::Counts(least, most) => ascending(value, |item| count(item, least, most)).map(Value::Counts),
-        Kind::Numbers(lower, upper) => ascending(value, |item| bounded(item, "1", lower, upper)).map(Value::Numbers),
         Kind::Interval(lower, upper) => interval(value, lower, upper).map(Value::Numbers),
         Kind::Experiment => word(value, &experiment_names()).map(Value::Text),
         Kind::Experiments => words(value, &experiment_names()).map(Value::Words),

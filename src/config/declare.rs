@@ -29,8 +29,6 @@ pub enum Kind {
     Choices(&'static [&'static str]),
     /// A non-empty ascending list of whole numbers within inclusive bounds.
     Counts(u64, u64),
-    /// A non-empty ascending list of numbers within inclusive bounds.
-    Numbers(f64, f64),
     /// Two ascending numbers within inclusive bounds.
     Interval(f64, f64),
     /// The name of an experiment.
@@ -263,26 +261,15 @@ const DIAGNOSE: &[Key] = &[
     key(
         "anchors",
         Kind::Count(1, MANY),
-        "9",
-        "points over the bounds at which every effect is simulated; shared by all diagnoses",
+        "24",
+        "points over parameters and strength at which every effect is simulated; shared by all diagnoses",
     ),
-    key(
-        "anchor_repetitions",
-        Kind::Count(2, 100_000),
-        "10",
-        "simulations at every anchor and amplitude, paired with the plain model",
-    ),
-    key(
-        "amplitudes",
-        Kind::Numbers(0.01, 1.0),
-        "[0.5, 1.0]",
-        "strengths at the anchors, as shares of the effect's range",
-    ),
+    key("anchor_repetitions", Kind::Count(2, 100_000), "8", "simulations at every anchor"),
     key(
         "refine_repetitions",
         Kind::Count(2, 100_000),
         "100",
-        "simulations a side of the direct differences at the optimum; 100 or more",
+        "direct simulations at the optimum without and with an effect; fewer make verdicts timid",
     ),
     key("bootstrap", Kind::Count(100, MANY), "1000", "draws behind family-wise p-values and detection limits"),
 ];

@@ -84,7 +84,6 @@ fn of_kind(kind: Kind) -> Value {
         Kind::Choice(words) => json!({ "enum": words }),
         Kind::Choices(words) => list(json!({ "enum": words })),
         Kind::Counts(least, most) => list(json!({ "type": "integer", "minimum": least, "maximum": most })),
-        Kind::Numbers(lower, upper) => list(json!({ "type": "number", "minimum": lower, "maximum": upper })),
         Kind::Interval(lower, upper) => {
             let bound = json!({ "type": "number", "minimum": lower, "maximum": upper });
             json!({ "type": "array", "items": bound, "minItems": 2, "maxItems": 2 })

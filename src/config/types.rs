@@ -274,13 +274,11 @@ pub struct Diagnose {
     pub kind: MetamodelKind,
     /// Effects that may be named, without those the model already has.
     pub candidates: Vec<String>,
-    /// Anchor points of the signatures.
+    /// Anchors of every effect: points over parameters and strength.
     pub anchors: u32,
-    /// Simulations at every anchor and amplitude.
+    /// Simulations at every anchor.
     pub anchor_repetitions: u32,
-    /// Strengths at the anchors, as ascending shares of the effect's range.
-    pub amplitudes: Vec<f64>,
-    /// Simulations a side of the direct differences.
+    /// Direct simulations at an optimum.
     pub refine_repetitions: u32,
     /// Bootstrap draws.
     pub bootstrap: u32,
@@ -433,7 +431,6 @@ pub(super) fn diagnose(values: &Values, active: &[(String, f64)]) -> Diagnose {
         candidates: values.words("diagnose.candidates").iter().filter(|name| !in_model(name)).cloned().collect(),
         anchors: values.count32("diagnose.anchors"),
         anchor_repetitions: values.count32("diagnose.anchor_repetitions"),
-        amplitudes: values.numbers("diagnose.amplitudes").to_vec(),
         refine_repetitions: values.count32("diagnose.refine_repetitions"),
         bootstrap: values.count32("diagnose.bootstrap"),
         thresholds: thresholds(values),

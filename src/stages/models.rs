@@ -148,12 +148,23 @@ impl<'a> Models<'a> {
         })
     }
 
+    /// Observations of an observable over the first `n` repetitions on the points that metamodels are trained on.
+    pub fn design(&self, kpi: &str, n: u32) -> Observations {
+        self.design.observations(&self.aggregates, kpi, n, false)
+    }
+
     /// The metamodel of a KPI; `None` where training failed, and `metamodels` says why.
     pub fn restore(&self, kpi: &str, kind: Kind, n: u32) -> Option<Metamodel> {
+        self.restore_with(kpi, kind, n, None)
+    }
+
+    /// The same metamodel, its hyperparameters kept, with `more` observations of other points to predict from.
+    pub fn restore_with(&self, kpi: &str, kind: Kind, n: u32, more: Option<&Observations>) -> Option<Metamodel> {
         let rows = self.hyperparameters.get(&(kpi.to_owned(), kind.name().to_owned(), n))?;
         let records: Vec<PartRecord> =
             [Role::Mean, Role::Scatter].iter().filter_map(|role| self.record(kind, *role, rows)).collect();
-        let observations = self.design.observations(&self.aggregates, kpi, n, false);
+        let design = self.design(kpi, n);
+        let observations = more.map_or_else(|| design.clone(), |more| design.joined(more));
         Metamodel::restore(&records, &observations).ok()
     }
 

@@ -376,7 +376,7 @@ table! {
 
 table! {
     /// Signatures: change of every statistic per unit of an effect's strength, and of every parameter.
-    pub struct SignatureRow in "signatures" version 1 sorted by (measured, source, kpi, statistic) {
+    pub struct SignatureRow in "signatures" version 2 sorted by (measured, source, kpi, statistic) {
         /// Measured data set at whose optimum the signature holds.
         measured: String ["1"],
         /// Effect, or parameter (per unit of its scaled range).
@@ -385,11 +385,13 @@ table! {
         kpi: String ["1"],
         /// mean or ln_sd.
         statistic: String ["1"],
-        /// Change of the statistic per unit of strength.
+        /// Strength at which it was taken; none for a parameter, whose signature is a slope.
+        strength: Option<f64> ["see unit"],
+        /// Change of the statistic per unit of strength, parameters held.
         value: f64 ["see unit"],
         /// Standard error of `value`.
         standard_error: f64 ["see unit"],
-        /// How it was found: `anchors` (interpolated over the shared design) or `direct` (differences at the optimum).
+        /// How it was found: `metamodel` (over parameters and strength) or `direct` (tied to runs at the optimum).
         origin: String ["1"],
     }
 }

@@ -29,6 +29,7 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
         range,
         signatures: vec![Signature { strength: if range.1 > 0.0 { range.1 } else { range.0 }, per_unit: signature }],
         covariance: DMatrix::zeros(m, m),
+        shift: DVector::zeros(3),
         testable: Ok(()),
     }
 }
@@ -479,11 +480,12 @@ fn a_parameter_on_its_bound_is_refitted_within_it() {
     assert!(t0(&problem) < 1e-20, "inwards is free");
     problem.residual = problem.jacobian.column(0) * -0.3;
     let outwards = t0(&problem);
-    let fixed = Problem {
+    let mut fixed = Problem {
         jacobian: problem.jacobian.columns(1, 2).into_owned(),
         parameters: problem.parameters[1..].to_vec(),
         ..problem.clone()
     };
+    fixed.candidates.iter_mut().for_each(|candidate| candidate.shift = DVector::zeros(2));
     assert!(outwards > 50.0 && (outwards - t0(&fixed)).abs() < 1e-9 * outwards, "outwards is held: {outwards}");
     // With the effect in, the parameter may be free again: the best of both refits is taken.
     problem.residual = noise(&problem, &mut stream) + planted(&problem, 2, 6.0) + problem.jacobian.column(0) * 0.2;
@@ -583,4 +585,37 @@ fn errors_of_the_sensitivities_do_not_reject_the_right_effect() {
     };
     let (with, without) = (accepted(true), accepted(false));
     assert!(with >= 190 && without < 150, "accepted {with} with and {without} without their covariance, of 200");
+}
+
+/// A signature taken where the parameters and the strength go together carries the error of J with the other sign.
+#[test]
+fn a_signature_taken_at_the_move_is_free_of_the_sensitivities_errors() {
+    let mut problem = world();
+    let moves = DVector::from_vec(vec![-0.3, -0.2, 0.2]);
+    let visible = planted(&problem, 0, 1.0);
+    let signature = visible - &problem.jacobian * &moves;
+    let truth = problem.jacobian.clone();
+    let shift = planted(&problem, 0, 3.0);
+    problem.jacobian_covariance = vec![problem.covariance.clone(); 3];
+    let run = |there: bool| {
+        let mut stream = Stream::new(28, "sensitivities");
+        let mut problem = problem.clone();
+        let (mut hits, mut sd) = (0, 0.0);
+        for _ in 0..200 {
+            problem.jacobian = truth.clone();
+            problem.residual = calibrated(&problem, &(noise(&problem, &mut stream) + &shift));
+            let error = DMatrix::from_fn(M, 3, |_, _| stream.normal());
+            problem.jacobian += problem.covariance.clone().cholesky().expect("positive definite").l() * error;
+            let told = if there { &signature - (&problem.jacobian - &truth) * &moves } else { signature.clone() };
+            problem.candidates[0].signatures[0].per_unit = told;
+            problem.candidates[0].shift = if there { moves.clone() } else { DVector::zeros(3) };
+            let effect = attribute(&problem, &quick(28)).expect("a valid problem").effects[0].clone();
+            hits += usize::from(effect.accepted && (effect.strength - 3.0).abs() < 3.0 * effect.strength_sd);
+            sd += effect.strength_sd / 200.0;
+        }
+        (hits, sd)
+    };
+    let (there, here) = (run(true), run(false));
+    assert!(there.0 >= 190, "{} of 200 strengths recovered", there.0);
+    assert!(there.1 < 0.8 * here.1, "standard error {} there, {} here", there.1, here.1);
 }

@@ -3,10 +3,16 @@
 use crate::tables::{CalibrationRow, OptimumRow, PredictionRow, TargetRow};
 
 use super::super::charts::{Mark, PAPER, Row, RowChart};
-use super::super::document::{Block, Cell, Figure, Legend, Section, Table, Tone, cell, optional};
+use super::super::document::{Block, Cell, Figure, Legend, Section, Table, Tone, cell, optional, text};
 use super::super::numbers::{significant, trimmed, with_interval};
 use super::super::{Report, paper, words};
 use super::{coarse_warning, interval, latest, method_rank, not_run, over_repetitions, per_data_set, ranked};
+
+/// Why an optimum may lie outside its own interval.
+const TWO_WEIGHTINGS: &str = "A value minimises the objective of the paper's eqs 10 to 13, which weigh the KPIs by \
+    convention. Its interval is that of the posterior, which weighs each measurement by its standard error and that of \
+    the metamodel. Where the model misses a measurement by much more than these errors the two pull apart, and a value \
+    can lie outside its interval: a sign of a model that lacks something, not of a precise parameter.";
 
 /// The section.
 pub fn section(report: &Report) -> Section {
@@ -38,6 +44,7 @@ fn parameters(report: &Report, measured: &str, optima: &[&OptimumRow]) -> Vec<Bl
     }
     blocks.push(charts(report, &last, published));
     let beside = if published { ", beside the paper's Table 7 (which has no SK)" } else { "" };
+    blocks.push(Block::Paragraph(text(TWO_WEIGHTINGS)));
     let caption = format!("Calibrated parameters with 95 % credible intervals{beside}");
     blocks.push(table(&caption, last, published));
     if over_repetitions(optima) {
@@ -92,6 +99,8 @@ fn value(row: &OptimumRow) -> Cell {
         Some((lower, upper)) => cell(with_interval(row.value, lower, upper)),
         None => cell(significant(row.value, 4)).with_note("no interval stored"),
     };
+    let outside = interval(row.lower, row.upper).is_some_and(|(lower, upper)| row.value < lower || row.value > upper);
+    let value = if outside { value.with_note("outside its interval").with_tone(Tone::Caution) } else { value };
     if row.at_bound { value.with_note("on its bound").with_tone(Tone::Caution) } else { value }
 }
 

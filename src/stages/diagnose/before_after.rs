@@ -2,24 +2,17 @@
 
 use super::Tables;
 use super::direct;
-use super::fit;
+use super::joint::{Contender, JointFit};
 use super::lab::Lab;
 use super::moments::{Batch, Moment, Statistic};
 use super::verdict::Case;
 use crate::config::MeasuredSummary;
 use crate::stages::StageError;
 use crate::stages::optima::finite;
-use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
 use crate::stats::special::{normal_quantile, student_t_quantile, trigamma};
 use crate::stats::summary::{Summary, ln_sd, summarise};
 use crate::tables::list::{BeforeAfterRow, RecalibrationRow};
 use nalgebra::{DMatrix, DVector};
-
-/// What the model becomes: with a candidate added, or left as it is.
-pub struct Model<'a> {
-    /// The candidate that was accepted.
-    pub candidate: Option<&'a Candidate>,
-}
 
 /// Both models with the runs of the fitted and of the held-out experiments.
 struct Runs {
@@ -28,7 +21,7 @@ struct Runs {
 }
 
 /// Recalibrates with the effect, simulates both models and adds the rows of `recalibration` and `before_after`.
-pub fn compare(case: &Case, lab: &mut Lab, model: Model, tables: &mut Tables) -> Result<(), StageError> {
+pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &mut Tables) -> Result<(), StageError> {
     let label = |model: &str| format!("{}/{model}", case.set.name);
     let held_out = direct::held_out(case.context, lab, label("before"), &case.optimum, &[])?;
     let mut runs = Runs { before: [case.before.clone(), held_out], after: None };
@@ -39,37 +32,20 @@ pub fn compare(case: &Case, lab: &mut Lab, model: Model, tables: &mut Tables) ->
         &case.optimum_covariance,
         &case.at_bound,
     ));
-    if let Some(candidate) = model.candidate {
-        let fitted = recalibrate(case, candidate)?;
-        let p = case.context.config.parameters.len();
-        let (u, strength) = (fitted.parameters.rows(0, p).into_owned(), fitted.parameters[p]);
-        let effect = [(candidate.name.clone(), strength)];
-        let fitted_runs = direct::batch(case.context, lab, label("after"), &u, &effect)?;
-        let held_out = direct::held_out(case.context, lab, label("after"), &u, &effect)?;
+    let found = added.map(|contender| contender.fit(case)).transpose()?.flatten();
+    if let (Some(contender), Some(found)) = (added, found) {
+        let effect = [(contender.name().to_owned(), found.strength)];
+        let fitted_runs = direct::batch(case.context, lab, label("after"), &found.u, &effect)?;
+        let held_out = direct::held_out(case.context, lab, label("after"), &found.u, &effect)?;
         runs.after = Some([fitted_runs, held_out]);
-        let at_bound: Vec<bool> = fitted.at_bound.iter().map(Option::is_some).collect();
-        tables.recalibration.extend(parameter_rows(case, "after", &u, &fitted.covariance, &at_bound));
-        tables.recalibration.push(strength_row(case, candidate, &fitted, at_bound[p]));
+        let at_bound: Vec<bool> = found.fit.at_bound.iter().map(Option::is_some).collect();
+        tables.recalibration.extend(parameter_rows(case, "after", &found.u, &found.fit.covariance, &at_bound));
+        tables.recalibration.push(strength_row(case, contender, &found));
     }
     for summary in case.set.statistics() {
         tables.before_after.extend([Moment::Mean, Moment::LnSd].map(|moment| row(case, &summary, moment, &runs)));
     }
     Ok(())
-}
-
-/// Parameters and strength together: the plain model's slopes with the candidate's signature as one more column.
-pub fn recalibrate(case: &Case, candidate: &Candidate) -> Result<GlsFit, StageError> {
-    let p = case.context.config.parameters.len();
-    let Signature { per_unit, strength } = &candidate.signatures[candidate.signatures.len() - 1];
-    let columns =
-        DMatrix::from_fn(per_unit.len(), p + 1, |i, j| if j < p { case.slopes.jacobian[(i, j)] } else { per_unit[i] });
-    let mut parameters = fit::parameters(case.context.config, &case.set.name, case.optimum.as_slice());
-    let (lower, upper) = candidate.range;
-    parameters.push(Parameter { name: candidate.name.clone(), value: *strength, lower, upper, prior: None });
-    let value = DVector::from_column_slice(&case.model.values);
-    let centre = case.optimum.clone().push(0.0);
-    let covariance = case.covariance() + &candidate.covariance * (strength * strength);
-    fit::linear(&value, &columns, &centre, &case.evidence.values, &covariance, &parameters)
 }
 
 fn parameter_rows(
@@ -96,16 +72,15 @@ fn parameter_rows(
     case.context.config.parameters.iter().enumerate().map(row).collect()
 }
 
-fn strength_row(case: &Case, candidate: &Candidate, fitted: &GlsFit, at_bound: bool) -> RecalibrationRow {
-    let last = fitted.parameters.len() - 1;
+fn strength_row(case: &Case, contender: &Contender, found: &JointFit) -> RecalibrationRow {
     RecalibrationRow {
         measured: case.set.name.clone(),
         model: "after".to_owned(),
-        name: candidate.name.clone(),
-        value: fitted.parameters[last],
-        standard_error: fitted.covariance[(last, last)].max(0.0).sqrt(),
-        unit: candidate.unit.clone(),
-        at_bound,
+        name: contender.name().to_owned(),
+        value: found.strength,
+        standard_error: found.strength_sd,
+        unit: contender.unit().to_owned(),
+        at_bound: found.fit.at_bound.last().is_some_and(Option::is_some),
     }
 }
 

@@ -1,61 +1,150 @@
-//! Calibration of the diagnosis: all statistics at once, weighed by what is known of them.
+//! Fits of all statistics at once, weighed by what is known of them.
 //!
-//! First over the metamodels, from several starts; then once more with slopes taken from direct differences of DEM runs
-//! around that optimum. Parameters are coordinates of the unit cube here.
+//! A [`Surface`] predicts every statistic of the evidence from metamodels, over the parameters alone or over the
+//! parameters and the strength of one effect; an offset ties it to direct DEM runs near the optimum. Coordinates are
+//! those of the unit cube: parameters between their bounds, a strength in its physical range.
 
+use super::anchors::{Anchors, place_of};
 use super::evidence::Evidence;
-use super::moments::{Moment, Statistic};
+use super::moments::{Batch, Moment, Statistic};
 use crate::config::Config;
-use crate::stages::models::{Models, kind};
+use crate::stages::models::{self, Models, kind};
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, GlsOptions, Parameter, Prior, gls_fit};
-use crate::stats::metamodel::Metamodel;
+use crate::stats::metamodel::{Metamodel, Observations, Prediction};
+use crate::stats::points::Points;
+use crate::stats::summary::{mean, sd};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Metamodels of every statistic of the evidence.
 pub struct Surface {
-    models: Vec<(Metamodel, Moment)>,
+    models: Vec<Metamodel>,
+    /// Index of the metamodel of every statistic, and its moment.
+    rows: Vec<(usize, Moment)>,
+}
+
+/// Slopes of the statistics with respect to the parameters in the unit cube.
+pub struct Slopes {
+    /// Slopes (m × p).
+    pub jacobian: DMatrix<f64>,
+    /// Covariance of the error of every column (p matrices m × m).
+    pub covariance: Vec<DMatrix<f64>>,
 }
 
 impl Surface {
-    /// The metamodels behind `statistics`; `None` where one was not trained.
-    pub fn new(context: &Context, models: &Models, statistics: &[Statistic]) -> Option<Self> {
+    /// The trained metamodels over the parameters, which predict from the design and from the runs at its `centre`;
+    /// `None` where one was not trained.
+    pub fn plain(context: &Context, models: &Models, centre: &Batch, statistics: &[Statistic]) -> Option<Self> {
         let (kind, n) = (kind(context.config.diagnose.kind), context.config.study.repetitions);
-        let models: Option<Vec<_>> =
-            statistics.iter().map(|s| Some((models.restore(&s.kpi, kind, n)?, s.moment))).collect();
-        Some(Self { models: models? })
+        let p = context.config.parameters.len();
+        Self::of(statistics, |statistic| {
+            models.restore_with(&statistic.kpi, kind, n, Some(&at_centre(centre, statistic, &vec![0.5; p])))
+        })
     }
 
-    /// f(u) and J(u) of all statistics, shapes (m) and (m × p).
-    pub fn predict(&self, u: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
-        let rows: Vec<(f64, Vec<f64>)> =
-            self.models.iter().map(|(model, moment)| row(model, *moment, u.as_slice())).collect();
-        let values = DVector::from_iterator(rows.len(), rows.iter().map(|(value, _)| *value));
-        (values, DMatrix::from_fn(rows.len(), u.len(), |i, j| rows[i].1[j]))
-    }
-
-    /// Variance of the metamodels' own uncertainty at `u`, on the diagonal.
-    pub fn uncertainty(&self, u: &DVector<f64>) -> DMatrix<f64> {
-        let variance = |(model, moment): &(Metamodel, Moment)| {
-            let prediction = model.predict(u.as_slice());
-            let sd = match moment {
-                Moment::Mean => prediction.epistemic_sd,
-                Moment::LnSd => prediction.log_sd_error,
-            };
-            sd * sd
+    /// Metamodels over the parameters and the strength of `effect`, trained on the design, the centre (both at strength
+    /// zero) and the anchors; the inner error says which observable allows none.
+    pub fn joint(
+        context: &Context,
+        models: &Models,
+        anchors: &Anchors,
+        (effect, range): (&str, (f64, f64)),
+        statistics: &[Statistic],
+    ) -> Result<Self, String> {
+        let config = context.config;
+        let (kind, n, p) = (kind(config.diagnose.kind), config.study.repetitions, config.parameters.len());
+        let options = models::options(config, context.seed(&format!("joint {effect}")));
+        let mut centre = vec![0.5; p];
+        centre.push(place_of(range, 0.0));
+        let train = |statistic: &Statistic| {
+            let design = with_place(models.design(&statistic.kpi, n), place_of(range, 0.0));
+            let plain = design.joined(&at_centre(anchors.centre(), statistic, &centre));
+            Metamodel::fit(kind, &plain.joined(&anchors.observations(effect, statistic)?), &options).ok()
         };
-        DMatrix::from_diagonal(&DVector::from_iterator(self.models.len(), self.models.iter().map(variance)))
+        Self::of(statistics, train)
+            .ok_or_else(|| format!("an observable allows no metamodel over the parameters and {effect}"))
+    }
+
+    /// One metamodel per observable, trained in parallel.
+    fn of(statistics: &[Statistic], train: impl Fn(&Statistic) -> Option<Metamodel> + Sync) -> Option<Self> {
+        let mut observables: Vec<&Statistic> = Vec::new();
+        for statistic in statistics {
+            if !observables.iter().any(|known| known.kpi == statistic.kpi) {
+                observables.push(statistic);
+            }
+        }
+        let place = |statistic: &Statistic| observables.iter().position(|known| known.kpi == statistic.kpi);
+        let rows = statistics.iter().map(|s| Some((place(s)?, s.moment))).collect::<Option<_>>()?;
+        let models: Vec<Option<Metamodel>> = observables.par_iter().map(|statistic| train(statistic)).collect();
+        Some(Self { models: models.into_iter().collect::<Option<_>>()?, rows })
+    }
+
+    /// f(x) and its slopes for all statistics, shapes (m) and (m × dimension).
+    pub fn predict(&self, x: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
+        let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
+        let rows: Vec<(f64, Vec<f64>)> =
+            self.rows.iter().map(|(model, moment)| row(&predictions[*model], *moment, x.len())).collect();
+        let values = DVector::from_iterator(rows.len(), rows.iter().map(|(value, _)| *value));
+        (values, DMatrix::from_fn(rows.len(), x.len(), |i, j| rows[i].1[j]))
+    }
+
+    /// Covariance of the metamodels' own error at `x`, which observables share as far as the repetitions of a run do
+    /// (`correlation`, m × m).
+    pub fn uncertainty(&self, x: &DVector<f64>, correlation: &DMatrix<f64>) -> DMatrix<f64> {
+        let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
+        let error = |(model, moment): &(usize, Moment)| match moment {
+            Moment::Mean => predictions[*model].epistemic_sd,
+            Moment::LnSd => predictions[*model].log_sd_error,
+        };
+        scaled(correlation, &self.rows.iter().map(error).collect::<Vec<_>>())
+    }
+
+    /// Slopes at `x` with the covariance of their error, shared among observables in the same way.
+    pub fn slopes(&self, x: &DVector<f64>, correlation: &DMatrix<f64>) -> Slopes {
+        let error = |(model, moment): &(usize, Moment)| match moment {
+            Moment::Mean => self.models[*model].mean_slope_sd(x.as_slice()),
+            Moment::LnSd => self.models[*model].log_sd_slope_sd(x.as_slice()),
+        };
+        let errors: Vec<Vec<f64>> = self.rows.iter().map(error).collect();
+        let column = |j: usize| scaled(correlation, &errors.iter().map(|row| row[j]).collect::<Vec<_>>());
+        Slopes { jacobian: self.predict(x).1, covariance: (0..x.len()).map(column).collect() }
     }
 }
 
-fn row(model: &Metamodel, moment: Moment, u: &[f64]) -> (f64, Vec<f64>) {
-    let prediction = model.predict(u);
-    match (moment, prediction.sd) {
+/// The covariance with a given correlation and given standard deviations.
+fn scaled(correlation: &DMatrix<f64>, sd: &[f64]) -> DMatrix<f64> {
+    DMatrix::from_fn(sd.len(), sd.len(), |i, j| correlation[(i, j)] * sd[i] * sd[j])
+}
+
+/// What the runs at one point say of a statistic's observable.
+fn at_centre(batch: &Batch, statistic: &Statistic, x: &[f64]) -> Observations {
+    let values: Vec<f64> = batch.series(statistic).map(|s| s.values().copied().collect()).unwrap_or_default();
+    let usable = values.len() >= 2;
+    let mut points = Points::empty(x.len());
+    points.push(x);
+    Observations {
+        points,
+        means: vec![if usable { mean(&values) } else { 0.0 }],
+        sds: vec![if usable { sd(&values) } else { 0.0 }],
+        counts: vec![if usable { values.len() } else { 0 }],
+    }
+}
+
+/// The same observations with one more coordinate, the same for all.
+fn with_place(observations: Observations, place: f64) -> Observations {
+    let mut points = Points::empty(observations.points.dimension() + 1);
+    observations.points.rows().for_each(|row| points.push(&[row, &[place]].concat()));
+    Observations { points, ..observations }
+}
+
+fn row(prediction: &Prediction, moment: Moment, dimension: usize) -> (f64, Vec<f64>) {
+    match (moment, &prediction.sd) {
         (Moment::LnSd, Some(sd)) if sd.value > 0.0 => {
             (libm::log(sd.value), sd.gradient.iter().map(|slope| slope / sd.value).collect())
         }
-        (Moment::LnSd, _) => (0.0, vec![0.0; u.len()]),
-        (Moment::Mean, _) => (prediction.mean.value, prediction.mean.gradient),
+        (Moment::LnSd, _) => (0.0, vec![0.0; dimension]),
+        (Moment::Mean, _) => (prediction.mean.value, prediction.mean.gradient.clone()),
     }
 }
 
@@ -76,49 +165,38 @@ pub fn parameters(config: &Config, measured: &str, start: &[f64]) -> Vec<Paramet
     config.parameters.iter().zip(start).map(parameter).collect()
 }
 
-/// The best fit over the metamodels, from the centre and from points towards every corner.
-///
-/// The uncertainty of the metamodels is taken at the optimum of a first pass and enters a second one.
-pub fn over_metamodels(
-    context: &Context,
-    measured: &str,
-    evidence: &Evidence,
-    noise: &DMatrix<f64>,
-    surface: &Surface,
-) -> Result<GlsFit, StageError> {
-    let p = context.config.parameters.len();
-    let best = |covariance: &DMatrix<f64>, starts: &[Vec<f64>]| -> Result<GlsFit, StageError> {
-        let mut best: Option<GlsFit> = None;
-        for start in starts {
-            let parameters = parameters(context.config, measured, start);
-            let fit = gls(|u| surface.predict(u), &evidence.values, covariance, &parameters)?;
-            if best.as_ref().is_none_or(|best| fit.chi2 < best.chi2) {
-                best = Some(fit);
-            }
-        }
-        best.ok_or(StageError::Input { what: "there is no start for the fit".into(), remedy: "report this" })
-    };
+/// Points from which a fit over the parameters starts: the centre, and one towards every corner.
+pub fn starts(p: usize) -> Vec<Vec<f64>> {
     let corner = |index: usize| (0..p).map(|d| if index >> d & 1 == 1 { 0.8 } else { 0.2 }).collect::<Vec<f64>>();
     let corners = if p <= 6 { 1 << p } else { 0 };
-    let starts: Vec<Vec<f64>> = std::iter::once(vec![0.5; p]).chain((0..corners).map(corner)).collect();
-    let first = best(noise, &starts)?;
-    let wider = noise + surface.uncertainty(&first.parameters);
-    best(&wider, &[first.parameters.as_slice().to_vec(), vec![0.5; p]])
+    std::iter::once(vec![0.5; p]).chain((0..corners).map(corner)).collect()
 }
 
-/// The best fit of a model that is linear around `centre`: f + J (u − centre), columns in the order of `parameters`.
-pub fn linear(
-    value: &DVector<f64>,
-    jacobian: &DMatrix<f64>,
-    centre: &DVector<f64>,
-    data: &DVector<f64>,
+/// The best fit of `surface` + `offset` from several starts; `parameters` makes the parameters that start at a point.
+pub fn best(
+    surface: &Surface,
+    offset: &DVector<f64>,
+    evidence: &Evidence,
     covariance: &DMatrix<f64>,
-    parameters: &[Parameter],
+    starts: &[Vec<f64>],
+    parameters: impl Fn(&[f64]) -> Vec<Parameter>,
 ) -> Result<GlsFit, StageError> {
-    gls(|u| (value + jacobian * (u - centre), jacobian.clone()), data, covariance, parameters)
+    let model = |x: &DVector<f64>| {
+        let (values, slopes) = surface.predict(x);
+        (values + offset, slopes)
+    };
+    let mut best: Option<GlsFit> = None;
+    for start in starts {
+        let fit = gls(model, &evidence.values, covariance, &parameters(start))?;
+        if best.as_ref().is_none_or(|best| fit.chi2 < best.chi2) {
+            best = Some(fit);
+        }
+    }
+    best.ok_or(StageError::Input { what: "there is no start for the fit".into(), remedy: "report this" })
 }
 
-fn gls(
+/// Weighted least squares with the errors of this stage.
+pub fn gls(
     model: impl Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>),
     data: &DVector<f64>,
     covariance: &DMatrix<f64>,

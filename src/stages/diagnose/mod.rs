@@ -1,7 +1,9 @@
 //! diagnose: what the calibrated model cannot explain, which effect would, and the error before and after adding it.
 //!
-//! For every measured data set: all statistics are fitted at once (`fit`), the optimum is simulated directly with its
-//! slopes (`direct`), candidate signatures come from the shared anchors (`anchors`), and the residual is attributed
+//! Every candidate is simulated over the parameters and its strength (`anchors`), once for all data sets. Then, for each
+//! measured data set: all statistics are fitted at once over metamodels (`fit`), and the optimum is simulated directly
+//! (`direct`); metamodels over parameters and strength give the signature of every candidate, and those that may be
+//! named are simulated directly at their own optimum first (`joint`); the residual is attributed
 //! ([`crate::stats::attribution`]). An effect that is accepted is switched on, its strength calibrated together with
 //! the parameters, and both models are simulated anew (`before_after`). The held-out experiment enters nothing of this
 //! but the last comparison.
@@ -11,6 +13,7 @@ mod before_after;
 mod direct;
 mod evidence;
 mod fit;
+mod joint;
 mod lab;
 mod moments;
 mod rows;
@@ -32,7 +35,7 @@ use lab::Lab;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 1,
+    version: 2,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[

@@ -94,23 +94,6 @@ impl Batch {
         let entry = |i: usize, j: usize| covariance(&statistics[i], columns[i], &statistics[j], columns[j]);
         Some(Moments { values, covariance: DMatrix::from_fn(statistics.len(), statistics.len(), entry) })
     }
-
-    /// Differences `self - other` of the statistics over repetitions that both have (the same packings).
-    pub fn paired_difference(&self, other: &Self, statistics: &[Statistic]) -> Option<Moments> {
-        let (mine, theirs) = (self.moments(statistics)?, other.moments(statistics)?);
-        let values = mine.values.iter().zip(&theirs.values).map(|(a, b)| a - b).collect();
-        let both = mine.covariance + theirs.covariance;
-        let differences = statistics
-            .iter()
-            .map(|s| Some(difference(self.series(s)?, other.series(s)?)))
-            .collect::<Option<Vec<_>>>()?;
-        let covariance = DMatrix::from_fn(statistics.len(), statistics.len(), |i, j| {
-            let (a, b) = (&statistics[i], &statistics[j]);
-            let means = a.moment == Moment::Mean && b.moment == Moment::Mean;
-            if means { covariance(a, &differences[i], b, &differences[j]) } else { both[(i, j)] }
-        });
-        Some(Moments { values, covariance })
-    }
 }
 
 fn value(moment: Moment, series: &Series) -> Option<f64> {
@@ -120,10 +103,6 @@ fn value(moment: Moment, series: &Series) -> Option<f64> {
         Moment::LnSd => ln_sd(sd(&values), values.len()).value,
     };
     (values.len() >= 2 && value.is_finite()).then_some(value)
-}
-
-fn difference(a: &Series, b: &Series) -> Series {
-    a.iter().filter_map(|(repetition, value)| Some((*repetition, value - b.get(repetition)?))).collect()
 }
 
 /// Covariance of two statistics of the same batch, for normal values:
@@ -190,19 +169,6 @@ mod tests {
                 assert!((seen - told).abs() < 0.08 * scale, "({i},{j}): seen {seen}, told {told}, scale {scale}");
             }
         }
-    }
-
-    #[test]
-    fn pairing_removes_what_both_batches_share() {
-        let mut stream = Stream::new(6, "pairs");
-        let base = batch(&mut stream, 50);
-        let mut shifted = Batch::default();
-        for (repetition, value) in base.series(&statistic("a", Moment::Mean)).unwrap() {
-            shifted.insert("pile", "a", *repetition, value + 0.3);
-        }
-        let paired = shifted.paired_difference(&base, &[statistic("a", Moment::Mean)]).unwrap();
-        assert!((paired.values[0] - 0.3).abs() < 1e-12);
-        assert!(paired.covariance[(0, 0)] < 1e-20);
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Rows of a finished attribution.
 
 use super::Tables;
+use super::joint::Contender;
 use super::moments::{Moment, Statistic};
 use super::verdict::Case;
-use crate::stats::attribution::{Attribution, Candidate, EffectReport, Status, Verdict};
+use crate::stats::attribution::{Attribution, Candidate, EffectReport, Signature, Status, Verdict};
 use crate::tables::list::{AttributionRow, ConfusionRow, ResidualRow, SignatureRow, VerdictRow};
 
 /// Observables that a verdict names as carrying what is left.
@@ -33,42 +34,72 @@ pub fn no_verdict(measured: &str, why: String) -> VerdictRow {
 }
 
 /// Adds signatures, residuals, attribution, confusion and verdict of a case.
-pub fn write(case: &Case, candidates: &[Candidate], attribution: &Attribution, tables: &mut Tables) {
-    tables.signatures.extend(signatures(case, candidates));
+pub fn write(
+    case: &Case,
+    contenders: &[Contender],
+    candidates: &[Candidate],
+    attribution: &Attribution,
+    tables: &mut Tables,
+) {
+    tables.signatures.extend(signatures(case, contenders, candidates, attribution));
     tables.residuals.extend(residuals(case, attribution));
     tables.attribution.extend(attribution.effects.iter().map(|effect| attribution_row(case, attribution, effect)));
     tables.confusion.extend(confusion(case, attribution));
     tables.verdicts.push(verdict(case, attribution));
 }
 
-fn signatures(case: &Case, candidates: &[Candidate]) -> Vec<SignatureRow> {
-    let row = |source: &str, statistic: &Statistic, value: f64, variance: f64, origin: &str| SignatureRow {
-        measured: case.set.name.clone(),
-        source: source.to_owned(),
-        kpi: statistic.kpi.clone(),
-        statistic: statistic.moment.name().to_owned(),
-        value,
-        standard_error: variance.sqrt(),
-        origin: origin.to_owned(),
-    };
-    let statistics = || case.evidence.statistics.iter().enumerate();
+fn signatures(
+    case: &Case,
+    contenders: &[Contender],
+    candidates: &[Candidate],
+    found: &Attribution,
+) -> Vec<SignatureRow> {
     let mut rows = Vec::new();
     for (column, parameter) in case.context.config.parameters.iter().enumerate() {
-        let Some(errors) = case.slopes.covariance.get(column) else { continue };
-        rows.extend(statistics().map(|(i, statistic)| {
-            row(parameter.name, statistic, case.slopes.jacobian[(i, column)], errors[(i, i)], "direct")
-        }));
+        let errors = &case.slopes.covariance[column];
+        let slope = |i: usize| (case.slopes.jacobian[(i, column)], errors[(i, i)]);
+        rows.extend(signature(case, (parameter.name, "metamodel", None), slope));
     }
-    for candidate in candidates.iter().filter(|candidate| candidate.testable.is_ok()) {
-        // A single secant is one taken at the optimum; the anchors give one per amplitude, of which the first is shown.
-        let origin = if candidate.signatures.len() == 1 { "direct" } else { "anchors" };
-        let secant = &candidate.signatures[0].per_unit;
-        rows.extend(
-            statistics()
-                .map(|(i, statistic)| row(&candidate.name, statistic, secant[i], candidate.covariance[(i, i)], origin)),
-        );
+    for ((contender, candidate), effect) in contenders.iter().zip(candidates).zip(&found.effects) {
+        if candidate.testable.is_err() {
+            continue;
+        }
+        let Some(nearest) = nearest(candidate, effect.strength) else { continue };
+        let square = nearest.strength * nearest.strength;
+        // At a tie the change is the difference of two direct batches.
+        let direct = |i: usize| 2.0 * case.model.covariance[(i, i)] / square;
+        let variance = |i: usize| if contender.is_tied() { direct(i) } else { candidate.covariance[(i, i)] };
+        let origin = if contender.is_tied() { "direct" } else { "metamodel" };
+        let from = (candidate.name.as_str(), origin, Some(nearest.strength));
+        rows.extend(signature(case, from, |i| (nearest.per_unit[i], variance(i))));
     }
     rows
+}
+
+/// Source, origin and strength of a signature.
+type From<'a> = (&'a str, &'a str, Option<f64>);
+
+fn signature(case: &Case, (source, origin, strength): From, entry: impl Fn(usize) -> (f64, f64)) -> Vec<SignatureRow> {
+    let row = |(i, statistic): (usize, &Statistic)| {
+        let (value, variance) = entry(i);
+        SignatureRow {
+            measured: case.set.name.clone(),
+            source: source.to_owned(),
+            kpi: statistic.kpi.clone(),
+            statistic: statistic.moment.name().to_owned(),
+            strength,
+            value,
+            standard_error: variance.max(0.0).sqrt(),
+            origin: origin.to_owned(),
+        }
+    };
+    case.evidence.statistics.iter().enumerate().map(row).collect()
+}
+
+/// The signature taken nearest to a strength.
+fn nearest(candidate: &Candidate, strength: f64) -> Option<&Signature> {
+    let distance = |s: &&Signature| (s.strength - strength).abs();
+    candidate.signatures.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
 fn residuals(case: &Case, attribution: &Attribution) -> Vec<ResidualRow> {

@@ -1,34 +1,26 @@
 //! One data set from its evidence to its verdict.
 
-use super::anchors::{Anchors, Secants};
-use super::before_after::{self, Model};
+use super::anchors::Anchors;
+use super::before_after;
 use super::direct;
 use super::evidence::{Evidence, Noise};
-use super::fit::{self, Surface};
+use super::fit::{self, Slopes, Surface};
+use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Batch, Moment, Moments};
 use super::{Tables, rows};
-use crate::campaign::CampaignError;
 use crate::config::{Accept, Measured, Resolution};
-use crate::effects;
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{
-    Attribution, Candidate, EffectReport, Options, Problem, Row, RowKind, Signature, Status, Verdict, attribute,
+    Attribution, Candidate, EffectReport, GlsFit, Options, Problem, Row, RowKind, Status, Verdict, attribute,
 };
 use nalgebra::{DMatrix, DVector};
 
-/// How many candidates get a signature of their own at the optimum.
+/// How many candidates must stand on direct runs before there is a verdict.
 const LEADERS: usize = 2;
 
-/// Most rounds in which a signature follows its own strength.
-const ROUNDS: usize = 3;
-
-/// Relative change of the strength below which the signature counts as taken at the strength itself.
-const SETTLED: f64 = 0.15;
-
-/// Standard errors that a strength must exceed for its candidate to be a leader: a secant over a strength near zero is
-/// all noise.
+/// Standard errors that a strength must exceed for its candidate to be run directly.
 const SIGNIFICANT: f64 = 3.0;
 
 /// Everything known of one data set before its attribution.
@@ -55,14 +47,6 @@ pub struct Case<'a> {
     pub model: Moments,
 }
 
-/// Slopes of the statistics with respect to the parameters in the unit cube.
-pub struct Slopes {
-    /// Slopes (m × p).
-    pub jacobian: DMatrix<f64>,
-    /// Covariance of the error of every column; empty where the slopes are those of the metamodels.
-    pub covariance: Vec<DMatrix<f64>>,
-}
-
 /// Diagnoses one data set and adds its rows.
 pub fn diagnose(
     context: &Context,
@@ -79,16 +63,22 @@ pub fn diagnose(
             return Ok(());
         }
     };
-    let mut candidates = candidates(&case, anchors)?;
-    let first = attributed(&case, candidates.clone())?;
-    for name in leaders(&case, &first) {
-        sharpen(&case, lab, &mut candidates, &name)?;
-    }
-    let attribution = attributed(&case, candidates.clone())?;
-    rows::write(&case, &candidates, &attribution, tables);
+    let names = &context.config.diagnose.candidates;
+    let mut contenders: Vec<Contender> = context
+        .campaign
+        .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
+    let (attribution, candidates) = loop {
+        let candidates = contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
+        let attribution = attributed(&case, candidates.clone())?;
+        match next_leader(&case, &attribution, &mut contenders) {
+            Some(leader) => leader.tie(&case, lab)?,
+            None => break (attribution, candidates),
+        }
+    };
+    rows::write(&case, &contenders, &candidates, &attribution, tables);
     let accepted = accepted(&case, &attribution);
-    let added = accepted.and_then(|name| candidates.into_iter().find(|candidate| candidate.name == name));
-    before_after::compare(&case, lab, Model { candidate: added.as_ref() }, tables)
+    let added = accepted.and_then(|name| contenders.iter().find(|contender| contender.name() == name));
+    before_after::compare(&case, lab, added, tables)
 }
 
 /// Evidence, optimum and runs of a data set; the inner error says why there can be none.
@@ -107,33 +97,25 @@ fn prepare<'a>(
             context.config.parameters.len()
         )));
     }
-    let Some(surface) = Surface::new(context, models, &evidence.statistics) else {
+    let Some(surface) = Surface::plain(context, models, anchors.centre(), &evidence.statistics) else {
         return Ok(Err("a metamodel of an observable is missing, see table metamodels".to_owned()));
     };
     let Some(noise) = evidence.noise(anchors.centre()) else { return Ok(Err(UNMEASURED.to_owned())) };
-    // A few runs give variances but no trustworthy correlations, so the first fit takes the variances alone.
-    let variances = DMatrix::from_diagonal(&noise.covariance.diagonal());
-    let first = fit::over_metamodels(context, &set.name, &evidence, &variances, &surface)?;
-    let refined = if comparable(context, set) {
-        let Some(direct) = direct::simulate(context, lab, &set.name, &evidence.statistics, &first.parameters)? else {
-            return Ok(Err(UNMEASURED.to_owned()));
-        };
-        let Some(noise) = evidence.noise(&direct.batch) else { return Ok(Err(UNMEASURED.to_owned())) };
-        let start = fit::parameters(context.config, &set.name, first.parameters.as_slice());
-        let covariance = &noise.covariance + &direct.value.covariance;
-        let value = DVector::from_column_slice(&direct.value.values);
-        let fitted = fit::linear(&value, &direct.jacobian, &first.parameters, &evidence.values, &covariance, &start)?;
-        (fitted, Slopes { jacobian: direct.jacobian, covariance: direct.jacobian_covariance })
-    } else {
-        // No verdict follows, so the metamodel's slopes are good enough to print the residual.
-        let jacobian = surface.predict(&first.parameters).1;
-        (first, Slopes { jacobian, covariance: Vec::new() })
-    };
-    let (fitted, slopes) = refined;
+    let plain = Plain { context, set, evidence: &evidence, surface: &surface };
+    let mut fitted = plain.over_metamodels(&noise.covariance)?;
+    // Where a verdict is to follow, runs at that optimum correct it.
+    if comparable(context, set) {
+        let batch = direct::batch(context, lab, format!("{}/centre", set.name), &fitted.parameters, &[])?;
+        match plain.with_runs(&batch, &fitted.parameters)? {
+            Some(better) => fitted = better,
+            None => return Ok(Err(UNMEASURED.to_owned())),
+        }
+    }
     let before = direct::batch(context, lab, format!("{}/before", set.name), &fitted.parameters, &[])?;
     let (Some(noise), Some(model)) = (evidence.noise(&before), before.moments(&evidence.statistics)) else {
         return Ok(Err(UNMEASURED.to_owned()));
     };
+    let slopes = surface.slopes(&fitted.parameters, &correlation(&model.covariance));
     Ok(Ok(Case {
         context,
         set,
@@ -148,6 +130,48 @@ fn prepare<'a>(
     }))
 }
 
+/// The fit of the plain model.
+struct Plain<'a> {
+    context: &'a Context<'a>,
+    set: &'a Measured,
+    evidence: &'a Evidence,
+    surface: &'a Surface,
+}
+
+impl Plain<'_> {
+    /// Over the metamodels, whose error is taken at the optimum of a first pass.
+    fn over_metamodels(&self, noise: &DMatrix<f64>) -> Result<GlsFit, StageError> {
+        let none = DVector::zeros(self.evidence.values.len());
+        let first = self.best(&none, noise, &fit::starts(self.context.config.parameters.len()))?;
+        let wider = noise + self.surface.uncertainty(&first.parameters, &correlation(noise));
+        self.best(&none, &wider, &[first.parameters.as_slice().to_vec()])
+    }
+
+    /// With the values of runs at `centre` in place of the metamodels'.
+    fn with_runs(&self, batch: &Batch, centre: &DVector<f64>) -> Result<Option<GlsFit>, StageError> {
+        let (Some(noise), Some(model)) = (self.evidence.noise(batch), batch.moments(&self.evidence.statistics)) else {
+            return Ok(None);
+        };
+        let offset = DVector::from_vec(model.values) - self.surface.predict(centre).0;
+        self.best(&offset, &(noise.covariance + model.covariance), &[centre.as_slice().to_vec()]).map(Some)
+    }
+
+    fn best(
+        &self,
+        offset: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+        starts: &[Vec<f64>],
+    ) -> Result<GlsFit, StageError> {
+        let parameters = |start: &[f64]| fit::parameters(self.context.config, &self.set.name, start);
+        fit::best(self.surface, offset, self.evidence, covariance, starts, parameters)
+    }
+}
+
+fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    let entry = |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+    DMatrix::from_fn(covariance.nrows(), covariance.ncols(), entry)
+}
+
 const UNMEASURED: &str = "an observable could not be measured at the optimum, see table diagnose_kpis";
 
 impl Case<'_> {
@@ -159,6 +183,11 @@ impl Case<'_> {
     /// Covariance of the residual.
     pub fn covariance(&self) -> DMatrix<f64> {
         &self.noise.covariance + &self.model.covariance
+    }
+
+    /// Correlation of the statistics between repetitions.
+    pub fn correlation(&self) -> DMatrix<f64> {
+        correlation(&self.model.covariance)
     }
 
     /// Whether the set-up resolves the data, else why not.
@@ -179,34 +208,6 @@ impl Case<'_> {
 /// Whether the study says that its set-up resolves the data.
 fn comparable(context: &Context, set: &Measured) -> bool {
     context.config.measured.iter().any(|source| source.name == set.name && source.comparable)
-}
-
-fn candidates(case: &Case, anchors: &Anchors) -> Result<Vec<Candidate>, StageError> {
-    let names = &case.context.config.diagnose.candidates;
-    names.iter().map(|name| candidate(case, anchors, name)).collect()
-}
-
-fn candidate(case: &Case, anchors: &Anchors, name: &str) -> Result<Candidate, StageError> {
-    let effect = effects::find(name).map_err(CampaignError::from)?;
-    let m = case.evidence.statistics.len();
-    let secants = anchors.secants(name, &case.evidence.statistics, case.optimum.as_slice());
-    let testable = match &secants {
-        Some(_) => Ok(()),
-        None => Err("an observable could not be measured at the anchors".to_owned()),
-    };
-    // A placeholder of size zero keeps the candidate in the list, where it is reported as not testable.
-    let secants = secants.unwrap_or_else(|| Secants {
-        at: vec![(effect.range().1, DVector::zeros(m))],
-        covariance: DMatrix::zeros(m, m),
-    });
-    Ok(Candidate {
-        name: name.to_owned(),
-        unit: effect.unit().to_owned(),
-        range: effect.range(),
-        signatures: secants.at.into_iter().map(|(strength, per_unit)| Signature { strength, per_unit }).collect(),
-        covariance: secants.covariance,
-        testable,
-    })
 }
 
 fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, StageError> {
@@ -258,22 +259,27 @@ fn options(case: &Case) -> Options {
     }
 }
 
-/// Candidates whose signature is taken anew before the verdict: the likeliest few, where there is
-/// something to explain. Signatures bend, and a leftover judged with the wrong secant rejects the right effect.
-fn leaders(case: &Case, attribution: &Attribution) -> Vec<String> {
-    let options = options(case);
-    if case.attributable().is_err() || attribution.t0_p > options.adequacy_level {
-        return Vec::new();
+/// The next candidate to be run directly: nobody is named on the word of metamodels, and the likeliest few compete on
+/// equal terms. Nothing is run where there is nothing to explain.
+fn next_leader<'a>(
+    case: &Case,
+    attribution: &Attribution,
+    contenders: &'a mut [Contender],
+) -> Option<&'a mut Contender> {
+    if case.attributable().is_err() || attribution.t0_p > options(case).adequacy_level {
+        return None;
     }
     let forced = |name: &str| case.context.config.effects.accept == Accept::Effect(name.to_owned());
+    let significant = |effect: &&EffectReport| effect.strength.abs() > SIGNIFICANT * effect.strength_sd;
     let mut effects: Vec<&EffectReport> = attribution
         .effects
         .iter()
-        .filter(|effect| effect.strength.abs() > SIGNIFICANT * effect.strength_sd)
-        .filter(|effect| effect.status == Status::Testable || forced(&effect.name))
+        .filter(|effect| (effect.status == Status::Testable && significant(effect)) || forced(&effect.name))
         .collect();
     effects.sort_by(|a, b| b.ln_bayes.total_cmp(&a.ln_bayes));
-    effects.into_iter().take(LEADERS).map(|effect| effect.name.clone()).collect()
+    let untied = |name: &str| contenders.iter().position(|c| c.name() == name && !c.was_run());
+    let next = effects.into_iter().take(LEADERS).find_map(|effect| untied(&effect.name))?;
+    contenders.get_mut(next)
 }
 
 /// The effect to add: the one that the study demands, or the one that the verdict names.
@@ -285,45 +291,4 @@ fn accepted(case: &Case, attribution: &Attribution) -> Option<String> {
         (Accept::Auto, Verdict::Effect(member)) => Some(member.name.clone()),
         (Accept::Auto, _) => None,
     }
-}
-
-/// Takes the signature of an effect anew where parameters and strength would go together, until the strength stays.
-fn sharpen(case: &Case, lab: &mut Lab, candidates: &mut [Candidate], name: &str) -> Result<(), StageError> {
-    let Some(candidate) = candidates.iter_mut().find(|candidate| candidate.name == name) else { return Ok(()) };
-    let p = case.optimum.len();
-    let mut last = 0.0;
-    for round in 1..=ROUNDS {
-        let fitted = before_after::recalibrate(case, candidate)?.parameters;
-        let strength = fitted[p];
-        if strength == 0.0 || (strength - last).abs() <= SETTLED * strength.abs() {
-            break;
-        }
-        let label = format!("{}/{name} {round}", case.set.name);
-        let u = fitted.rows(0, p).into_owned();
-        let Some(secant) = secant(case, lab, label, name, &u, strength)? else { break };
-        candidate.signatures = vec![Signature { strength, per_unit: DVector::from_vec(secant.values) }];
-        candidate.covariance = secant.covariance;
-        last = strength;
-    }
-    Ok(())
-}
-
-/// The secant of an effect at (θ₁, η₁) = (`u`, `strength`), [f(θ₁, η₁) − f(θ̂, 0) − J (θ₁ − θ̂)]/η₁, with the covariance of
-/// its error.
-///
-/// With it the linear model of the attribution meets the simulation at that point exactly, however the effect bends and
-/// however far the parameters move: an error of J cancels there and is no error of the secant. Runs share their packings
-/// with those at the optimum.
-fn secant(
-    case: &Case,
-    lab: &mut Lab,
-    label: String,
-    name: &str,
-    u: &DVector<f64>,
-    strength: f64,
-) -> Result<Option<Moments>, StageError> {
-    let with = direct::paired_batch(case.context, lab, label, u, &[(name.to_owned(), strength)], &case.optimum)?;
-    let Some(difference) = with.paired_difference(&case.before, &case.evidence.statistics) else { return Ok(None) };
-    let secant = (DVector::from_vec(difference.values) - &case.slopes.jacobian * (u - &case.optimum)) / strength;
-    Ok(Some(Moments { values: secant.as_slice().to_vec(), covariance: difference.covariance / (strength * strength) }))
 }

@@ -127,6 +127,9 @@ pub struct Candidate {
     pub signatures: Vec<Signature>,
     /// Covariance of the error of a signature per unit of strength (m × m), zero if it is exact.
     pub covariance: DMatrix<f64>,
+    /// Move of the parameters per unit of strength at which the signatures were taken (p): zero where they are those of
+    /// θ̂ itself. With g = [f(θ̂ + δη, η) − f(θ̂, 0)]/η − Jδ the linear model is exact there, whatever the error of J.
+    pub shift: DVector<f64>,
     /// `Err` with the reason if these data cannot show the effect (no trends, no traces …).
     pub testable: Result<(), String>,
 }
@@ -291,7 +294,7 @@ impl Problem {
         if self.candidates.len() > 64 {
             return Err(AttributionError::TooManyCandidates(self.candidates.len()));
         }
-        self.candidates.iter().try_for_each(|candidate| candidate.validate(m))?;
+        self.candidates.iter().try_for_each(|candidate| candidate.validate(m, p))?;
         self.proposals.iter().try_for_each(|proposal| self.validate_proposal(proposal))
     }
 
@@ -321,8 +324,9 @@ impl Parameter {
 }
 
 impl Candidate {
-    fn validate(&self, m: usize) -> Result<(), AttributionError> {
+    fn validate(&self, m: usize, p: usize) -> Result<(), AttributionError> {
         let what = format!("the signature of `{}`", self.name);
+        check(&format!("the shift of {what}"), self.shift.shape(), (p, 1), self.shift.iter())?;
         check(&format!("the covariance of {what}"), self.covariance.shape(), (m, m), self.covariance.iter())?;
         for signature in &self.signatures {
             check(&what, signature.per_unit.shape(), (m, 1), signature.per_unit.iter())?;

@@ -57,7 +57,7 @@ fn curve(whitened: &Whitened, candidate: &Candidate) -> Curve {
 }
 
 /// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, and an error δJ of the
-/// sensitivities then shifts the prediction by δJ·J⁺g.
+/// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which the signature was taken.
 fn signature_error(
     problem: &Problem,
     whitened: &Whitened,
@@ -69,7 +69,8 @@ fn signature_error(
     let moves = &geometry.inverse * DVector::from_column_slice(signature.local());
     for (column, covariance) in problem.jacobian_covariance.iter().enumerate() {
         let parameter = &problem.parameters[column];
-        let step = moves[column] * (parameter.upper - parameter.lower);
+        let shift = problem.candidates[k].shift[column];
+        let step = moves[column] * (parameter.upper - parameter.lower) + shift;
         error += whitened.covariance(covariance) * (step * step);
     }
     error

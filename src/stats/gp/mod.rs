@@ -160,6 +160,22 @@ impl GaussianProcess {
         }
     }
 
+    /// Var ∂f/∂x_d, shape (n_parameters): a_d σ_f² − (∂k/∂x_d)ᵀK⁻¹(∂k/∂x_d), with the share of an estimated β (the
+    /// derivative of a Gaussian process is one: Rasmussen & Williams 2006, section 9.4).
+    pub fn gradient_variance(&self, x: &[f64]) -> Vec<f64> {
+        let k = self.covariances(x);
+        let (_, information) = self.trend_gap(&k);
+        let one = |d: usize| {
+            let slope = |(j, k): (usize, &f64)| -self.a[d] * (x[d] - self.training.points.row(j)[d]) * k;
+            let slopes: Vec<f64> = k.iter().enumerate().map(slope).collect();
+            let half = self.fit.factor.half_solve(&slopes);
+            let gap = if information > 0.0 { dot(&self.fit.weights, &slopes) } else { 0.0 };
+            let trend = if information > 0.0 { gap * gap / information } else { 0.0 };
+            (self.a[d] * self.hyper.variance - dot(&half, &half) + trend).max(0.0)
+        };
+        (0..x.len()).map(one).collect()
+    }
+
     /// u = 1 − 1ᵀK⁻¹k and 1ᵀK⁻¹1, whose u²/(1ᵀK⁻¹1) is the variance that an estimated β adds; (0, 0) without one.
     fn trend_gap(&self, k: &[f64]) -> (f64, f64) {
         match self.trend {

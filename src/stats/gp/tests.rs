@@ -47,6 +47,32 @@ fn gradients_of_mean_and_variance_are_those_of_the_values() {
     }
 }
 
+/// The variance of a central difference of f, whose covariance comes from conditioning on one end exactly:
+/// Var(f₁ | f₂) = v₁ − c²/v₂.
+#[test]
+fn variance_of_the_gradient_is_that_of_a_narrow_difference() {
+    for trend in [Trend::Zero, Trend::Constant] {
+        let training = sample(25, 1);
+        let process = GaussianProcess::new(training.clone(), hyper(), trend).unwrap();
+        let x = [0.35, 0.8, 0.15];
+        for (d, told) in process.gradient_variance(&x).into_iter().enumerate() {
+            let h = 0.02;
+            let (mut low, mut high) = (x, x);
+            low[d] -= h;
+            high[d] += h;
+            let mut wider = training.clone();
+            wider.points.push(&high);
+            wider.targets.push(0.0);
+            wider.noise.push(0.0);
+            let (v_low, v_high) = (process.predict(&low).variance, process.predict(&high).variance);
+            let given = GaussianProcess::new(wider, hyper(), trend).unwrap().predict(&low).variance;
+            let covariance = ((v_low - given) * v_high).sqrt();
+            let seen = (v_low + v_high - 2.0 * covariance) / (4.0 * h * h);
+            assert!((seen / told - 1.0).abs() < 0.02, "{trend:?} {d}: told {told}, seen {seen}");
+        }
+    }
+}
+
 #[test]
 fn gradient_of_the_likelihood_is_that_of_the_value() {
     let training = sample(25, 2);

@@ -318,6 +318,19 @@ impl Metamodel {
         }
     }
 
+    /// Standard deviation of the uncertainty of the slopes of the mean at `x`, shape (n_parameters).
+    pub fn mean_slope_sd(&self, x: &[f64]) -> Vec<f64> {
+        self.mean_part().slope_sd(x)
+    }
+
+    /// The same of the slopes of ln sd; 0 where this kind makes no statement on its uncertainty.
+    pub fn log_sd_slope_sd(&self, x: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Sk(model) => model.log_sd_slope_sd(x),
+            Self::Ibm(_) | Self::Rbm(_) => vec![0.0; x.len()],
+        }
+    }
+
     /// Mean of the KPI at `x` alone: a tenth of the work of [`Metamodel::predict`].
     pub fn mean(&self, x: &[f64]) -> f64 {
         self.mean_part().mean(x)
@@ -356,6 +369,20 @@ struct Usable {
 }
 
 impl Observations {
+    /// These observations, then those of `more`; of a point in both, whose runs may be the same, only that of `more`.
+    #[must_use]
+    pub fn joined(&self, more: &Self) -> Self {
+        let again = |point: &[f64]| more.points.rows().any(|other| other == point);
+        let own: Vec<usize> = (0..self.counts.len()).filter(|&i| !again(self.points.row(i))).collect();
+        let join = |mine: &[f64], theirs: &[f64]| own.iter().map(|&i| mine[i]).chain(theirs.iter().copied()).collect();
+        Self {
+            points: self.points.select(&own).joined(&more.points),
+            means: join(&self.means, &more.means),
+            sds: join(&self.sds, &more.sds),
+            counts: own.iter().map(|&i| self.counts[i]).chain(more.counts.iter().copied()).collect(),
+        }
+    }
+
     /// The points with at least one run.
     fn usable(&self) -> Result<Usable, MetamodelError> {
         let (points, means, sds, counts) = (self.points.len(), self.means.len(), self.sds.len(), self.counts.len());

@@ -169,6 +169,12 @@ impl Part {
         (mean, variance)
     }
 
+    /// Standard deviation of the uncertainty of every slope at `x`, in the unit of the observed quantity.
+    pub(super) fn slope_sd(&self, x: &[f64]) -> Vec<f64> {
+        let variances = self.process.gradient_variance(x);
+        variances.into_iter().map(|variance| self.record.scale.abs() * variance.sqrt()).collect()
+    }
+
     /// Leave-one-out mean and sd at each training point, in the unit of the observed quantity.
     pub(super) fn leave_one_out(&self) -> Vec<(f64, f64)> {
         let PartRecord { offset, scale, .. } = self.record;

@@ -72,6 +72,12 @@ impl Sk {
         &self.mean
     }
 
+    /// Standard deviations of the slopes of ln sd = ½ ln V.
+    pub(super) fn log_sd_slope_sd(&self, x: &[f64]) -> Vec<f64> {
+        let half = |scatter: &Part| scatter.slope_sd(x).into_iter().map(|sd| 0.5 * sd).collect();
+        self.scatter.as_ref().map_or_else(|| vec![0.0; x.len()], half)
+    }
+
     pub(super) fn predict(&self, x: &[f64]) -> Prediction {
         let (mean, variance) = self.mean.predict(x);
         let none = || (Differentiable { value: 0.0, gradient: vec![0.0; x.len()] }, 0.0);

@@ -378,6 +378,7 @@ fn diagnosis(report: &mut Report, wobble: &mut Wobble) {
                     source: source.into(),
                     kpi: kpi.into(),
                     statistic: "mean".into(),
+                    strength: Some(0.5),
                     value: sd * wobble.next(),
                     standard_error: 0.1 * sd,
                     origin: "direct".into(),

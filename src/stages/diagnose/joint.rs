@@ -1,0 +1,289 @@
+//! The model with one effect in it: parameters and strength together.
+//!
+//! Metamodels over both are fitted to all statistics; where it matters, direct runs at the optimum **tie** them to the
+//! simulation, and the fit is repeated until it stays. From the same model comes the signature that the attribution
+//! judges: the change of every statistic along the path on which the parameters follow the strength, less what the
+//! slopes at θ̂ predict for that move,
+//!
+//! g(η) = [F(θ(η), η) − F(θ̂, 0)]/η − J (θ(η) − θ̂)/η.
+//!
+//! With it the linear model of the attribution equals F along the path, however an effect bends or saturates and
+//! however far the parameters move.
+
+use super::anchors::{Anchors, place_of, strength_at};
+use super::direct;
+use super::fit::{self, Surface};
+use super::lab::Lab;
+use super::moments::{Batch, Moments};
+use super::verdict::Case;
+use crate::campaign::CampaignError;
+use crate::effects::{self, Effect};
+use crate::stages::StageError;
+use crate::stages::models::Models;
+use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
+use nalgebra::{DMatrix, DVector};
+
+/// Most rounds of direct runs at an optimum that moves with them.
+const ROUNDS: usize = 3;
+/// Standard errors that an optimum may move by when it is tied and still counts as settled.
+const SETTLED: f64 = 0.5;
+/// Share of its range below which a strength is as good as zero, and says nothing per unit.
+const NOTHING: f64 = 0.01;
+/// Strengths at which a signature is taken, as shares of an end of the range.
+const SHARES: [f64; 5] = [0.125, 0.25, 0.5, 0.75, 1.0];
+/// The least share used of metamodels alone, whose error per unit of strength grows towards zero.
+const LEAST_UNTIED: f64 = 0.25;
+
+/// A candidate effect with its model, if it has one.
+pub struct Contender {
+    /// The effect.
+    effect: &'static dyn Effect,
+    /// Metamodels over parameters and strength, or why there are none.
+    surface: Result<Surface, String>,
+    tie: Option<Tie>,
+    was_run: bool,
+}
+
+/// Direct runs at a point of parameters and strength.
+struct Tie {
+    x: DVector<f64>,
+    /// Direct values minus those of the metamodels.
+    offset: DVector<f64>,
+    /// Covariance of measured minus simulated.
+    covariance: DMatrix<f64>,
+}
+
+/// The optimum with the effect in the model.
+pub struct JointFit {
+    /// Fit over the parameters in the unit cube and the place of the strength in its range.
+    pub fit: GlsFit,
+    /// Parameters in the unit cube.
+    pub u: DVector<f64>,
+    /// Strength in its unit.
+    pub strength: f64,
+    /// Its standard error.
+    pub strength_sd: f64,
+}
+
+impl Contender {
+    /// Trains the model of a candidate for the statistics of a case.
+    pub fn new(case: &Case, models: &Models, anchors: &Anchors, name: &str) -> Result<Self, StageError> {
+        let effect = effects::find(name).map_err(CampaignError::from)?;
+        let surface = Surface::joint(case.context, models, anchors, (name, effect.range()), &case.evidence.statistics);
+        Ok(Self { effect, surface, tie: None, was_run: false })
+    }
+
+    /// Name of the effect.
+    pub fn name(&self) -> &'static str {
+        self.effect.name()
+    }
+
+    /// Unit of the strength.
+    pub fn unit(&self) -> &'static str {
+        self.effect.unit()
+    }
+
+    /// Whether direct runs were asked for.
+    pub fn was_run(&self) -> bool {
+        self.was_run
+    }
+
+    /// Whether direct runs stand behind the model.
+    pub fn is_tied(&self) -> bool {
+        self.tie.is_some()
+    }
+
+    /// Runs the simulation at the joint optimum and fits again, until the optimum stays. Nothing is run where the
+    /// strength comes out as zero.
+    pub fn tie(&mut self, case: &Case, lab: &mut Lab) -> Result<(), StageError> {
+        self.was_run = true;
+        for round in 1..=ROUNDS {
+            let Some(found) = self.fit(case)? else { return Ok(()) };
+            let (lower, upper) = self.effect.range();
+            if found.strength.abs() < NOTHING * (upper - lower) || self.is_settled(&found.fit) {
+                return Ok(());
+            }
+            let label = format!("{}/{} {round}", case.set.name, self.name());
+            let effects = [(self.name().to_owned(), found.strength)];
+            let batch = direct::batch(case.context, lab, label, &found.u, &effects)?;
+            let Some(tie) = self.tie_to(case, &batch, found.fit.parameters) else { return Ok(()) };
+            self.tie = Some(tie);
+        }
+        Ok(())
+    }
+
+    fn is_settled(&self, fit: &GlsFit) -> bool {
+        self.tie.as_ref().is_some_and(|tie| {
+            let moved = (0..tie.x.len()).map(|i| (fit.parameters[i] - tie.x[i]).abs() / sd(fit, i));
+            moved.fold(0.0, f64::max) <= SETTLED
+        })
+    }
+
+    fn tie_to(&self, case: &Case, batch: &Batch, x: DVector<f64>) -> Option<Tie> {
+        let Moments { values, covariance } = batch.moments(&case.evidence.statistics)?;
+        let noise = case.evidence.noise(batch)?;
+        let told = self.surface.as_ref().ok()?.predict(&x).0;
+        Some(Tie { x, offset: DVector::from_vec(values) - told, covariance: noise.covariance + covariance })
+    }
+
+    /// The joint optimum over the model as it stands; `None` without a model.
+    pub fn fit(&self, case: &Case) -> Result<Option<JointFit>, StageError> {
+        let Ok(surface) = &self.surface else { return Ok(None) };
+        let best = |offset: &DVector<f64>, covariance: &DMatrix<f64>, starts: &[Vec<f64>]| {
+            fit::best(surface, offset, &case.evidence, covariance, starts, |start| self.parameters(case, start))
+        };
+        let fit = match &self.tie {
+            Some(tie) => best(&tie.offset, &tie.covariance, &[tie.x.as_slice().to_vec()])?,
+            None => {
+                let offset = self.plain_offset(case, surface);
+                let first = best(&offset, &case.covariance(), &self.starts(case))?;
+                let wider = case.covariance() + surface.uncertainty(&first.parameters, &case.correlation());
+                best(&offset, &wider, &[first.parameters.as_slice().to_vec()])?
+            }
+        };
+        let (p, range) = (case.optimum.len(), self.effect.range());
+        let (u, strength) = (fit.parameters.rows(0, p).into_owned(), strength_at(range, fit.parameters[p]));
+        let strength_sd = fit.covariance[(p, p)].max(0.0).sqrt() * (range.1 - range.0);
+        Ok(Some(JointFit { fit, u, strength, strength_sd }))
+    }
+
+    /// The optimum of the plain model with a few strengths on either side of zero.
+    fn starts(&self, case: &Case) -> Vec<Vec<f64>> {
+        let range = self.effect.range();
+        let start = |strength: f64| {
+            let mut x = case.optimum.as_slice().to_vec();
+            x.push(place_of(range, strength));
+            x
+        };
+        self.nodes(&[0.1, 0.4, 0.8]).into_iter().map(start).collect()
+    }
+
+    /// Strengths at given shares of both ends of the range, ascending.
+    fn nodes(&self, shares: &[f64]) -> Vec<f64> {
+        let (lower, upper) = self.effect.range();
+        let ends = [lower, upper].into_iter().filter(|end| *end != 0.0);
+        let mut all: Vec<f64> = ends.flat_map(|end| shares.iter().map(move |share| share * end)).collect();
+        all.sort_by(f64::total_cmp);
+        all
+    }
+
+    fn parameters(&self, case: &Case, start: &[f64]) -> Vec<Parameter> {
+        let p = start.len() - 1;
+        let mut parameters = fit::parameters(case.context.config, &case.set.name, &start[..p]);
+        let name = self.name().to_owned();
+        parameters.push(Parameter { name, value: start[p], lower: 0.0, upper: 1.0, prior: None });
+        parameters
+    }
+
+    /// Direct values minus those of the metamodels at the optimum of the plain model.
+    fn plain_offset(&self, case: &Case, surface: &Surface) -> DVector<f64> {
+        let x = case.optimum.clone().push(place_of(self.effect.range(), 0.0));
+        DVector::from_column_slice(&case.model.values) - surface.predict(&x).0
+    }
+
+    /// What the attribution judges.
+    pub fn candidate(&self, case: &Case) -> Result<Candidate, StageError> {
+        let (m, p) = (case.model.values.len(), case.optimum.len());
+        let mut candidate = Candidate {
+            name: self.name().to_owned(),
+            unit: self.unit().to_owned(),
+            range: self.effect.range(),
+            // A placeholder keeps an effect without a model in the list, where it is reported as not testable.
+            signatures: vec![Signature { strength: self.nodes(&[1.0])[0], per_unit: DVector::zeros(m) }],
+            covariance: DMatrix::zeros(m, m),
+            shift: DVector::zeros(p),
+            testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
+        };
+        if let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) {
+            let path = Path { contender: self, case, surface, plain: self.plain_offset(case, surface) };
+            candidate.signatures = path.signatures(&found)?;
+            (candidate.covariance, candidate.shift) = path.error(&found);
+        }
+        Ok(candidate)
+    }
+}
+
+fn sd(fit: &GlsFit, i: usize) -> f64 {
+    fit.covariance[(i, i)].max(0.0).sqrt()
+}
+
+/// The way of the parameters as the strength grows.
+struct Path<'a> {
+    contender: &'a Contender,
+    case: &'a Case<'a>,
+    surface: &'a Surface,
+    /// Offset of the metamodels at strength zero.
+    plain: DVector<f64>,
+}
+
+impl Path<'_> {
+    /// Signatures at ascending strengths, the fitted one among them when it is tied.
+    fn signatures(&self, found: &JointFit) -> Result<Vec<Signature>, StageError> {
+        let tied = self.contender.is_tied();
+        let shares: Vec<f64> = SHARES.into_iter().filter(|share| tied || *share >= LEAST_UNTIED).collect();
+        let mut nodes = self.contender.nodes(&shares);
+        if tied {
+            nodes.retain(|node| (node - found.strength).abs() > 0.2 * found.strength.abs());
+            nodes.push(found.strength);
+            nodes.sort_by(f64::total_cmp);
+        }
+        nodes.into_iter().map(|strength| self.signature(strength, found)).collect()
+    }
+
+    fn signature(&self, strength: f64, found: &JointFit) -> Result<Signature, StageError> {
+        let offset = self.offset(strength);
+        let u = self.parameters_at(strength, &offset, found)?;
+        let value = self.surface.predict(&self.at(&u, strength)).0 + offset;
+        let change = value - DVector::from_column_slice(&self.case.model.values);
+        let per_unit = (change - &self.case.slopes.jacobian * (&u - &self.case.optimum)) / strength;
+        Ok(Signature { strength, per_unit })
+    }
+
+    fn at(&self, u: &DVector<f64>, strength: f64) -> DVector<f64> {
+        u.clone().push(place_of(self.contender.effect.range(), strength))
+    }
+
+    /// Offset of the metamodels: that of the plain model at zero, that of the tie from its strength on.
+    fn offset(&self, strength: f64) -> DVector<f64> {
+        let Some(tie) = &self.contender.tie else { return self.plain.clone() };
+        let tied = strength_at(self.contender.effect.range(), tie.x[tie.x.len() - 1]);
+        let share = (strength / tied).clamp(0.0, 1.0);
+        &self.plain * (1.0 - share) + &tie.offset * share
+    }
+
+    /// The best parameters at a given strength.
+    fn parameters_at(
+        &self,
+        strength: f64,
+        offset: &DVector<f64>,
+        found: &JointFit,
+    ) -> Result<DVector<f64>, StageError> {
+        if strength == found.strength {
+            return Ok(found.u.clone());
+        }
+        let model = |u: &DVector<f64>| {
+            let (values, slopes) = self.surface.predict(&self.at(u, strength));
+            (values + offset, slopes.columns(0, u.len()).into_owned())
+        };
+        let start = fit::parameters(self.case.context.config, &self.case.set.name, found.u.as_slice());
+        Ok(fit::gls(model, &self.case.evidence.values, &self.case.covariance(), &start)?.parameters)
+    }
+
+    /// Covariance of a signature's error per unit of strength, and the move per unit at which it was taken.
+    ///
+    /// Direct runs make the model as good at the tie as it is at the optimum without the effect, whose error the
+    /// residual has already; of metamodels alone both errors count.
+    fn error(&self, found: &JointFit) -> (DMatrix<f64>, DVector<f64>) {
+        let (lower, upper) = self.contender.effect.range();
+        let m = self.case.model.values.len();
+        if self.contender.is_tied() {
+            return (DMatrix::zeros(m, m), (&found.u - &self.case.optimum) / found.strength);
+        }
+        let half = if upper > 0.0 { 0.5 * upper } else { 0.5 * lower };
+        let known = found.strength.abs() >= LEAST_UNTIED * half.abs();
+        let (u, strength) = if known { (&found.u, found.strength) } else { (&self.case.optimum, half) };
+        let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.correlation());
+        let both = error(&self.at(u, strength)) + error(&self.at(&self.case.optimum, 0.0));
+        (both / (strength * strength), (u - &self.case.optimum) / strength)
+    }
+}
