@@ -31,15 +31,22 @@ enum Format {
 #[cfg(feature = "query")]
 pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     use crate::pipeline::Study;
+    use crate::store::table;
     use polars::prelude::*;
     use std::io::Write;
+    use std::path::PathBuf;
     let study = Study::load(study)?;
     let mut context = polars::sql::SQLContext::new();
-    for table in crate::tables::list::TABLES {
-        let path = study.table_path(table.name);
-        if path.is_file() {
-            let frame = LazyFrame::scan_parquet(PlRefPath::try_from_path(&path)?, ScanArgsParquet::default())?;
-            context.register(table.name, frame);
+    for spec in crate::tables::list::TABLES {
+        let root = study.store().root();
+        if !root.join(table::index(spec)).is_file() {
+            continue;
+        }
+        let scan =
+            |path: &PathBuf| LazyFrame::scan_parquet(PlRefPath::try_from_path(path)?, ScanArgsParquet::default());
+        let parts = table::data_files(root, spec)?.iter().map(scan).collect::<PolarsResult<Vec<_>>>()?;
+        if !parts.is_empty() {
+            context.register(spec.name, concat(parts, UnionArgs::default())?);
         }
     }
     let mut frame = context.execute(&arguments.sql)?.collect()?;

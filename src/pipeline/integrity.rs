@@ -1,6 +1,6 @@
 //! Whether the store is whole, and what in it is still referred to.
 
-use super::run::{OutputRecord, is_table};
+use super::run::OutputRecord;
 use super::study::{PipelineError, Study};
 use crate::campaign::RunRecord;
 use crate::canonical::Digest;
@@ -27,13 +27,11 @@ pub fn live(study: &Study, other_locks: &[PathBuf]) -> Result<BTreeSet<Digest>, 
     for run in study.store().ledger::<RunRecord>("runs")?.rows() {
         live.extend([run.state, run.trace].into_iter().flatten().filter_map(|text| text.parse::<Digest>().ok()));
     }
-    for output in study.store().ledger::<OutputRecord>("stages")?.rows().filter(|row| is_table(&row.path)) {
+    for output in study.store().ledger::<OutputRecord>("stages")?.rows() {
         live.extend(output.digest.parse::<Digest>());
     }
     for path in std::iter::once(study.lock_path().to_owned()).chain(other_locks.iter().cloned()) {
-        live.extend(
-            Lock::read(&path)?.outputs().filter(|(_, path, _)| is_table(path)).map(|(_, _, output)| output.digest),
-        );
+        live.extend(Lock::read(&path)?.outputs().map(|(_, _, output)| output.digest));
     }
     Ok(live)
 }

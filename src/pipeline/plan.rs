@@ -2,8 +2,9 @@
 
 use super::Study;
 use crate::canonical::{Digest, Encoder, digest};
-use crate::stages::{STAGES, Stage, table_file};
-use crate::store::{Lock, StageLock, lock::Change};
+use crate::stages::{STAGES, Stage};
+use crate::store::{Lock, StageLock, lock::Change, table};
+use crate::tables::TableSpec;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
@@ -40,6 +41,8 @@ pub enum Reason {
     Input(String),
     /// An output is missing or has another size.
     Output(String),
+    /// A table has a file that belongs to none of its outputs.
+    Leftover(String),
 }
 
 /// One stage of a plan.
@@ -91,6 +94,7 @@ impl fmt::Display for Reason {
             Self::Setting(change) => write!(f, "{}: {} -> {}", change.name, text(&change.old), text(&change.new)),
             Self::Input(name) => write!(f, "{name} changed"),
             Self::Output(path) => write!(f, "{path} is missing or has another size"),
+            Self::Leftover(path) => write!(f, "{path} is left over from an earlier run"),
         }
     }
 }
@@ -120,7 +124,16 @@ pub fn assess_stage(study: &Study, lock: &Lock, stage: &Stage) -> State {
     }
     let missing = locked.outputs.iter().filter(|(path, output)| !study.store().has_output(path, output));
     reasons.extend(missing.map(|(path, _)| Reason::Output(path.clone())));
+    reasons.extend(leftovers(study, locked, stage).into_iter().map(Reason::Leftover));
     if reasons.is_empty() { State::Fresh } else { State::Stale(reasons) }
+}
+
+/// Files in the folders of the tables of a stage that are none of its outputs. A folder that cannot be read has none:
+/// its outputs are missing then.
+pub fn leftovers(study: &Study, locked: &StageLock, stage: &Stage) -> Vec<String> {
+    let listed = locked.outputs.keys().map(String::as_str).collect();
+    let of = |spec: &&TableSpec| table::leftovers(study.store().root(), spec, &listed).unwrap_or_default();
+    stage.writes.iter().flat_map(of).collect()
 }
 
 /// The key of a stage from its settings and from what the lock says of its inputs.
@@ -130,7 +143,7 @@ pub fn recipe(study: &Study, lock: &Lock, stage: &Stage) -> Recipe {
     let mut inputs: BTreeMap<String, Digest> = stage
         .reads
         .iter()
-        .map(|table| table_file(table.name))
+        .map(|spec| table::index(spec))
         .filter_map(|path| outputs.get(path.as_str()).map(|digest| (path.clone(), *digest)))
         .collect();
     if stage.measured {

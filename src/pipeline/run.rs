@@ -1,22 +1,24 @@
 //! Bringing stages up to date.
 
-use super::plan::{Recipe, State, assess_stage, recipe, selection};
+use super::plan::{Recipe, State, assess_stage, leftovers, recipe, selection};
 use super::study::{PipelineError, Study};
 use crate::campaign::{Campaign, Options};
 use crate::canonical::{Digest, Encoder, digest};
-use crate::stages::{Outputs, Stage, table_file};
+use crate::stages::Stage;
 use crate::store::{Ledger, Lock, Output, StageLock};
 use crate::table;
 use std::collections::BTreeMap;
 
 table! {
     /// What a stage gave for a key, so that a key seen before is put back without running.
-    pub struct OutputRecord in "ledger_stages" version 1 keyed by stage_key sorted by (stage_key, path) {
+    pub struct OutputRecord in "ledger_stages" version 2 keyed by stage_key sorted by (stage_key, number) {
         /// Key of the stage.
         stage_key: String [""],
+        /// Place in the order of publishing, from 1: the manifest of a split table comes after its parts.
+        number: u32 ["1"],
         /// File, relative to the artifacts directory.
         path: String [""],
-        /// Digest of its bytes; those of a table are an object of the store, see [`is_table`].
+        /// Digest of its bytes, an object of the store.
         digest: String [""],
     }
 }
@@ -119,8 +121,10 @@ impl<'a> Driver<'a> {
             inputs: recipe.inputs,
             outputs,
         };
+        let old = leftovers(self.study, &locked, stage);
         lock.stages.insert(stage.name.to_owned(), locked);
         lock.write(self.study.lock_path())?;
+        old.iter().try_for_each(|path| self.study.store().remove_output(path))?;
         Ok(action)
     }
 
@@ -139,16 +143,15 @@ impl<'a> Driver<'a> {
     fn run(&self, stage: &'static Stage, recipe: &Recipe) -> Result<BTreeMap<String, Output>, PipelineError> {
         let context = self.study.context(&self.campaign);
         let outputs = (stage.run)(&context).map_err(|source| PipelineError::Stage { stage: stage.name, source })?;
-        let files = files(outputs);
         let mut records = Vec::new();
-        for (path, bytes) in &files {
-            let digest = if is_table(path) { self.study.store().put_object(bytes)? } else { Digest::of_content(bytes) };
-            let (stage_key, digest) = (recipe.key.to_string(), digest.to_string());
-            records.push(OutputRecord { stage_key, path: path.clone(), digest });
+        for ((path, bytes), number) in outputs.files.iter().zip(1..) {
+            let digest = self.study.store().put_object(bytes)?.to_string();
+            records.push(OutputRecord { stage_key: recipe.key.to_string(), number, path: path.clone(), digest });
         }
         self.check_same_bytes(stage, recipe, &records)?;
         self.outputs.append(&records)?;
-        files.iter().map(|(path, bytes)| Ok((path.clone(), self.study.store().publish(path, bytes)?))).collect()
+        let publish = |(path, bytes): &(String, Vec<u8>)| Ok((path.clone(), self.study.store().publish(path, bytes)?));
+        outputs.files.iter().map(publish).collect()
     }
 
     /// The same key must give the same bytes.
@@ -170,18 +173,4 @@ impl<'a> Driver<'a> {
             })
         })
     }
-}
-
-/// Whether an output is a table, which the store keeps; the report's files are made anew from the tables instead.
-pub fn is_table(path: &str) -> bool {
-    path.ends_with(".parquet")
-}
-
-/// All outputs by path relative to the artifacts directory, in order of the path.
-fn files(outputs: Outputs) -> Vec<(String, Vec<u8>)> {
-    let tables = outputs.tables.into_iter().map(|(name, bytes)| (table_file(name), bytes));
-    let files = outputs.files.into_iter().map(|(path, bytes)| (path.to_owned(), bytes));
-    let mut all: Vec<_> = tables.chain(files).collect();
-    all.sort_by(|a, b| a.0.cmp(&b.0));
-    all
 }

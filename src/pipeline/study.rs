@@ -116,11 +116,6 @@ impl Study {
         self.store.root().join(TABLES)
     }
 
-    /// The file of a table.
-    pub fn table_path(&self, name: &str) -> PathBuf {
-        self.store.root().join(crate::stages::table_file(name))
-    }
-
     /// Opens the place where runs are made and kept.
     ///
     /// # Errors

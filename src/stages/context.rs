@@ -4,8 +4,8 @@ use super::SettingsText;
 use crate::campaign::{Campaign, CampaignError};
 use crate::canonical::{CanonicalError, Encoder, digest};
 use crate::config::{Config, Measured};
-use crate::store::TABLES;
-use crate::tables::{Row, TableError, TableSpec, io};
+use crate::store::{StoreError, table};
+use crate::tables::{Row, TableError, TableSpec};
 use std::path::Path;
 
 /// Why a stage cannot finish.
@@ -14,9 +14,12 @@ pub enum StageError {
     /// Runs cannot be made or looked up.
     #[error("{0}")]
     Campaign(#[source] CampaignError),
-    /// A table cannot be read or written.
+    /// A table holds a value that cannot be stored.
     #[error(transparent)]
     Table(#[from] TableError),
+    /// A table cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// A value cannot be hashed.
     #[error(transparent)]
     Canonical(#[from] CanonicalError),
@@ -55,17 +58,17 @@ impl<'a> Context<'a> {
         self.read_from(R::SPEC)
     }
 
-    /// Rows of `table`, which has the columns of `R`.
+    /// Rows of table `spec`, which has the columns of `R`.
     ///
     /// # Errors
     /// A file that is missing or does not fit the schema.
-    pub fn read_from<R: Row>(&self, table: &TableSpec) -> Result<Vec<R>, StageError> {
-        Ok(io::read_table_as::<R>(table, &self.artifacts.join(table_file(table.name)))?)
+    pub fn read_from<R: Row>(&self, spec: &TableSpec) -> Result<Vec<R>, StageError> {
+        Ok(table::read(self.artifacts, spec)?)
     }
 
-    /// Whether the file of `table` exists.
-    pub fn has(&self, table: &TableSpec) -> bool {
-        self.artifacts.join(table_file(table.name)).is_file()
+    /// Whether table `spec` has been written.
+    pub fn has(&self, spec: &TableSpec) -> bool {
+        self.artifacts.join(table::index(spec)).is_file()
     }
 
     /// A seed for random choices of one purpose, from the study's seed.
@@ -76,18 +79,11 @@ impl<'a> Context<'a> {
     }
 }
 
-/// The file of a table, relative to the artifacts directory.
-pub fn table_file(name: &str) -> String {
-    format!("{TABLES}/{name}/{name}.parquet")
-}
-
-/// What a stage gives: tables and files as bytes, for the driver to publish.
+/// What a stage gives, for the driver to publish.
 #[derive(Default)]
 pub struct Outputs {
-    /// Bytes of every table, by name.
-    pub tables: Vec<(&'static str, Vec<u8>)>,
-    /// Bytes of every other file, by path relative to the artifacts directory.
-    pub files: Vec<(&'static str, Vec<u8>)>,
+    /// Files by path relative to the artifacts directory, each with its bytes.
+    pub files: Vec<(String, Vec<u8>)>,
 }
 
 impl Outputs {
@@ -99,13 +95,12 @@ impl Outputs {
         self.table_as(R::SPEC, rows)
     }
 
-    /// Adds `table`, which has the columns of `R`.
+    /// Adds table `spec`, which has the columns of `R`.
     ///
     /// # Errors
     /// A value that cannot be stored, such as NaN.
-    pub fn table_as<R: Row + Clone>(&mut self, table: &'static TableSpec, mut rows: Vec<R>) -> Result<(), StageError> {
-        rows.sort_by(R::order);
-        self.tables.push((table.name, io::encode(table, &R::to_batch(&rows)?)?));
+    pub fn table_as<R: Row + Clone>(&mut self, spec: &TableSpec, rows: Vec<R>) -> Result<(), StageError> {
+        self.files.extend(table::files(spec, rows)?);
         Ok(())
     }
 }

@@ -19,7 +19,7 @@ mod train;
 mod validate;
 mod verify;
 
-pub use context::{Context, Outputs, StageError, table_file};
+pub use context::{Context, Outputs, StageError};
 pub use report::{HTML as REPORT_HTML, gather};
 
 use crate::campaign::{CampaignError, Request};

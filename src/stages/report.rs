@@ -76,8 +76,8 @@ fn settings_text(config: &Config) -> SettingsText {
 fn run(context: &Context) -> Result<Outputs, StageError> {
     let report = gather(context)?;
     let mut outputs = Outputs::default();
-    outputs.files.push((HTML, report::html(&report).into_bytes()));
-    outputs.files.push((MARKDOWN, report::markdown(&report).into_bytes()));
+    outputs.files.push((HTML.to_owned(), report::html(&report).into_bytes()));
+    outputs.files.push((MARKDOWN.to_owned(), report::markdown(&report).into_bytes()));
     Ok(outputs)
 }
 

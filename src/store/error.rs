@@ -68,6 +68,14 @@ pub enum StoreError {
         /// What is wrong with it.
         detail: String,
     },
+    /// A manifest of a table that cannot be understood.
+    #[error("`{}` is no manifest of a table: {detail}; run `fsck`, then `repro`", path.display())]
+    BadIndex {
+        /// The manifest.
+        path: PathBuf,
+        /// What is wrong with it.
+        detail: String,
+    },
     /// A table that cannot be written or read.
     #[error(transparent)]
     Table(#[from] TableError),

@@ -10,6 +10,7 @@ use crate::canonical::Digest;
 use crate::tables::io::rows_in_file;
 use std::collections::BTreeSet;
 use std::fmt;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// How closely to look.
@@ -232,10 +233,15 @@ fn problem(
     }
 }
 
-/// Only Parquet files have a footer; of others the size must do.
+/// Only Parquet files have a footer, known by their name or their first bytes; of others the size must do.
 fn footer_problem(path: &Path) -> Option<Problem> {
-    if path.extension().is_none_or(|extension| extension != "parquet") {
-        return None;
+    let unreadable = |detail: String| Some(Problem::Unreadable { detail });
+    let mut head = [0; 4];
+    let begins = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut head));
+    let named = path.extension().is_some_and(|extension| extension == "parquet");
+    match begins {
+        Err(error) => unreadable(error.to_string()),
+        Ok(()) if named || head == *b"PAR1" => rows_in_file(path).err().and_then(unreadable),
+        Ok(()) => None,
     }
-    rows_in_file(path).err().map(|detail| Problem::Unreadable { detail })
 }

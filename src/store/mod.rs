@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! artifacts/
-//!   objects/ab/abcd….parquet      content-addressed bytes: final states, traces
+//!   objects/ab/abcd…              content-addressed bytes: final states, traces, outputs of every stage key seen
 //!   ledger/<kind>/                one keyed append-only collection of rows, see [`ledger`]
-//!   tables/<name>/…               outputs of the stages, named with their digests in pipeline.lock, see [`lock`]
+//!   tables/<name>/…               outputs of the stages, see [`table`]; pipeline.lock holds their digests, see [`lock`]
 //!   quarantine/                   damaged files, set aside and never read
 //!   .guard                        held by the one process that writes, see [`guard`]
 //! ```
@@ -19,6 +19,7 @@ pub mod gc;
 pub mod guard;
 pub mod ledger;
 pub mod lock;
+pub mod table;
 
 pub use error::{Contradiction, StoreError, Warning};
 pub use ledger::Ledger;
@@ -91,7 +92,7 @@ impl Store {
     /// Where an object lies.
     pub fn object_path(&self, digest: &Digest) -> PathBuf {
         let name = digest.to_string();
-        self.root.join(OBJECTS).join(&name[..2]).join(name + ".parquet")
+        self.root.join(OBJECTS).join(&name[..2]).join(name)
     }
 
     /// Stores bytes under their digest. Bytes that are there already are compared, and replaced when damaged.
@@ -134,6 +135,15 @@ impl Store {
         self.claim()?;
         atomic::publish(&self.root.join(relative), bytes)?;
         Ok(Output { digest: Digest::of_content(bytes), bytes: bytes.len() as u64, rows: None })
+    }
+
+    /// Removes a published file that nothing refers to any more.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`] or [`StoreError::Busy`].
+    pub fn remove_output(&self, relative: &str) -> Result<(), StoreError> {
+        self.claim()?;
+        atomic::remove(&self.root.join(relative))
     }
 
     /// Whether a published file is there with the size the lock holds.

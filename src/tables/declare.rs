@@ -31,13 +31,14 @@
 /// ```
 ///
 /// A table that is kept in a ledger names its key column, a `String` of 64 hexadecimal digits, before the sort key:
-/// `pub struct RunRow in "runs" version 1 keyed by run_key sorted by (run_key) { … }`.
+/// `pub struct RunRow in "runs" version 1 keyed by run_key sorted by (run_key) { … }`. A table that is split into files
+/// by the values of a text column says so in the same place: `partitioned by experiment`.
 #[macro_export]
 macro_rules! table {
     (
         $(#[doc = $meaning:literal])*
         $vis:vis struct $Row:ident in $table:literal version $version:literal
-            $(keyed by $key:ident)? sorted by ($($sort:ident),+ $(,)?)
+            $(keyed by $key:ident)? $(partitioned by $part:ident)? sorted by ($($sort:ident),+ $(,)?)
         {
             $( $(#[doc = $doc:literal])* $field:ident : $type:ty [ $unit:literal ] ),+ $(,)?
         }
@@ -61,7 +62,8 @@ macro_rules! table {
                     $( $crate::tables::ColumnSpec::of::<$type>(stringify!($field), $unit, concat!($($doc),*)) ),+
                 ],
                 sorted_by: &[$(stringify!($sort)),+],
-                keyed_by: $crate::tables::key_of(&[$(stringify!($key))?]),
+                keyed_by: $crate::tables::one_of(&[$(stringify!($key))?]),
+                partitioned_by: $crate::tables::one_of(&[$(stringify!($part))?]),
             };
 
             fn to_batch(rows: &[Self]) -> Result<$crate::tables::RecordBatch, $crate::tables::TableError> {
@@ -78,6 +80,11 @@ macro_rules! table {
                     $( $field: <$type as $crate::tables::Cell>::get($field, row) ),+
                 });
                 Ok(rows.collect())
+            }
+
+            fn partition(&self) -> &str {
+                let named: &[&str] = &[$(self.$part.as_str())?];
+                named.first().copied().unwrap_or_default()
             }
 
             fn order(&self, other: &Self) -> std::cmp::Ordering {

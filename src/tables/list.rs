@@ -30,7 +30,7 @@ table! {
 
 table! {
     /// One row per simulation: where it stands in the study, how it ended and where its final state is kept.
-    pub struct RunRow in "runs" version 1 sorted by (label, experiment, point, repetition) {
+    pub struct RunRow in "runs" version 1 partitioned by experiment sorted by (label, experiment, point, repetition) {
         /// Who asked for the run: `design`, a calibration or a purpose of the diagnosis.
         label: String ["1"],
         /// Experiment: pile, ledge, bulk_density or hopper.
@@ -72,7 +72,7 @@ table! {
 
 table! {
     /// One row per simulation and observable.
-    pub struct KpiRow in "kpis" version 1 sorted by (label, experiment, point, repetition, kpi) {
+    pub struct KpiRow in "kpis" version 1 partitioned by experiment sorted by (label, experiment, point, repetition, kpi) {
         /// Who asked for the run, as in `runs`.
         label: String ["1"],
         /// Experiment.

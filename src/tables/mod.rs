@@ -94,6 +94,8 @@ pub struct TableSpec {
     pub sorted_by: &'static [&'static str],
     /// Column that holds the key of a ledger row, for tables that are kept in a ledger.
     pub keyed_by: Option<&'static str>,
+    /// Text column by whose values the table is split into files; `None` is one file.
+    pub partitioned_by: Option<&'static str>,
 }
 
 impl TableSpec {
@@ -103,8 +105,8 @@ impl TableSpec {
     }
 }
 
-/// The key column of a declaration that names at most one; used by [`table!`](crate::table).
-pub const fn key_of(names: &[&'static str]) -> Option<&'static str> {
+/// The one column that a declaration may name; used by [`table!`](crate::table).
+pub const fn one_of(names: &[&'static str]) -> Option<&'static str> {
     match names {
         [name, ..] => Some(name),
         [] => None,
@@ -127,6 +129,9 @@ pub trait Row: Sized {
     /// # Errors
     /// [`TableError`] naming the first column that does not match [`Row::SPEC`].
     fn from_batch(batch: &RecordBatch) -> Result<Vec<Self>, TableError>;
+
+    /// Value of the column by which the table is split into files; empty for a table in one file.
+    fn partition(&self) -> &str;
 
     /// The order of stored rows: by the sort key, text by bytes, null before any value.
     fn order(&self, other: &Self) -> Ordering;

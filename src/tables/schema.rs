@@ -14,6 +14,8 @@ struct TableJson<'a> {
     sorted_by: &'a [&'a str],
     #[serde(skip_serializing_if = "Option::is_none")]
     keyed_by: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    partitioned_by: Option<&'a str>,
     columns: Vec<ColumnJson<'a>>,
 }
 
@@ -44,6 +46,7 @@ pub fn describe(spec: &TableSpec) -> String {
         meaning: spec.meaning,
         sorted_by: spec.sorted_by,
         keyed_by: spec.keyed_by,
+        partitioned_by: spec.partitioned_by,
         columns: spec.columns.iter().map(describe_column).collect(),
     };
     // Serialising text, numbers and lists of them cannot fail; an empty text would fail the schema test.

@@ -114,7 +114,7 @@ fn only_new_repetitions_are_computed(study: &Study, before: &std::collections::B
     assert!(aggregates.iter().any(|row| row.n == 3 && row.count == 3));
 
     let less = study.repro(&[]);
-    assert!(STAGES[1..9].iter().all(|stage| less[*stage] == "restored"), "{less:?}");
+    assert!(STAGES[1..].iter().all(|stage| less[*stage] == "restored"), "{less:?}");
     assert_eq!(&study.outputs(), before, "going back to two repetitions gives the tables of two");
 }
 

@@ -136,8 +136,8 @@ impl Journal {
 
 /// The digest in the name of a part, journal or object file.
 pub fn promised_digest(path: &Path) -> Option<Digest> {
-    let stem = path.file_name()?.to_str()?.strip_suffix(".parquet")?;
-    stem.rsplit('-').next()?.parse().ok()
+    let name = path.file_name()?.to_str()?;
+    name.strip_suffix(".parquet").unwrap_or(name).rsplit('-').next()?.parse().ok()
 }
 
 /// The files of a ledger on disk.

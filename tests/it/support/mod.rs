@@ -1,6 +1,7 @@
 //! A temporary folder with a study in it, and the real binary run there.
 
-use granulake::tables::{Row, io};
+use granulake::store::table;
+use granulake::tables::Row;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -78,8 +79,7 @@ impl Study {
 
     /// Rows of a table.
     pub fn table<R: Row>(&self) -> Vec<R> {
-        let name = R::SPEC.name;
-        io::read_table(&self.path(&format!("artifacts/tables/{name}/{name}.parquet"))).expect("a table")
+        table::read(&self.path("artifacts"), R::SPEC).expect("a table")
     }
 
     /// Bytes of every table, report and lock, by path.
