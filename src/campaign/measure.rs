@@ -37,7 +37,7 @@ impl Campaign {
 
     fn records(&self, request: &Request, run: &RunRow) -> Result<Vec<KpiRecord>, CampaignError> {
         let settings = request.resolve()?;
-        let key = kpi_key(request, run, &settings)?.to_string();
+        let key = kpi_key(request, &run.run_key, run.state.as_deref().unwrap_or_default(), &settings)?.to_string();
         if let Some(records) = self.kpis.get(&key) {
             return Ok(records.to_vec());
         }
@@ -59,9 +59,13 @@ impl Campaign {
     }
 }
 
-fn kpi_key(request: &Request, run: &RunRow, settings: &Settings) -> Result<Digest, CampaignError> {
+/// Content key of the observables of a run with a final state: the run, the state, and the settings of the measurement.
+///
+/// # Errors
+/// A setting that is NaN.
+pub fn kpi_key(request: &Request, run_key: &str, state: &str, settings: &Settings) -> Result<Digest, CampaignError> {
     let mut encoder = Encoder::new();
-    encoder.u64(KPI_VERSION).str(&run.run_key).str(run.state.as_deref().unwrap_or_default());
+    encoder.u64(KPI_VERSION).str(run_key).str(state);
     encode(&mut encoder, &settings.for_experiment(request.experiment.name(), Scope::Measure))?;
     Ok(digest(KPI_CONTEXT, &encoder))
 }

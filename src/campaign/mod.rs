@@ -10,6 +10,7 @@ mod progress;
 mod records;
 mod request;
 
+pub use measure::kpi_key;
 pub use progress::Progress;
 pub use records::{KpiRecord, RunRecord, TimingRecord};
 pub use request::{Point, Request, Values, run_seed};

@@ -4,8 +4,10 @@ use super::{CliError, Outcome};
 use crate::campaign::Options;
 use crate::pipeline::run::{Request, repro};
 use crate::pipeline::{PipelineError, Study, plan};
-use crate::report;
 use crate::stages::{self, Stage};
+use crate::store::table;
+use crate::tables::Row;
+use crate::tables::list::{DIAGNOSE_RUNS, RunRow, VALIDATE_RUNS, VERIFY_RUNS};
 use clap::Args;
 use serde_json::json;
 use std::io::Write;
@@ -74,26 +76,42 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         eprintln!("{stage:<10} {:<9} {seconds:7.1} s", action.word());
         done.push(json!({"stage": stage, "action": action.word()}));
     })?;
-    finish(&study, arguments, &done)
+    finish(&study, target, arguments.json, &done)
 }
 
-fn finish(study: &Study, arguments: &Arguments, done: &[serde_json::Value]) -> Result<Outcome, CliError> {
-    let campaign = study.campaign(Options::default())?;
-    let gathered =
-        stages::gather(&study.context(&campaign)).map_err(|source| PipelineError::Stage { stage: "report", source })?;
-    let failed = gathered.runs.iter().filter(|run| run.status != "ok").count();
+fn finish(
+    study: &Study,
+    target: Option<&'static Stage>,
+    json: bool,
+    done: &[serde_json::Value],
+) -> Result<Outcome, CliError> {
+    let root = study.store().root();
+    let (runs, failed) = run_counts(root)?;
     let mut out = std::io::stdout().lock();
-    if arguments.json {
+    if json {
         let stale: Vec<_> = plan::assess(study, &study.lock()?)
             .into_iter()
             .filter(|step| step.state != plan::State::Fresh)
             .map(|step| step.stage)
             .collect();
-        let runs = gathered.runs.len();
         writeln!(out, "{}", json!({"stages": done, "stale": stale, "runs": runs, "failed_runs": failed}))?;
+    } else if let Some(target) = target {
+        writeln!(out, "{} is up to date; {runs} runs, {failed} of them failed", target.name)?;
     } else {
-        writeln!(out, "{}", report::summary(&gathered))?;
-        writeln!(out, "report: {}", study.store().root().join(stages::REPORT_HTML).display())?;
+        writeln!(out, "{}", std::fs::read_to_string(root.join(stages::REPORT_SUMMARY))?)?;
+        writeln!(out, "report: {}", root.join(stages::REPORT_HTML).display())?;
     }
     Ok(if failed == 0 { Outcome::Done } else { Outcome::FailedRuns })
+}
+
+/// Number of all runs, and of those that failed.
+fn run_counts(root: &Path) -> Result<(u64, u64), CliError> {
+    let (mut runs, mut failed) = (0, 0);
+    for spec in [RunRow::SPEC, &VERIFY_RUNS, &VALIDATE_RUNS, &DIAGNOSE_RUNS] {
+        let counts = table::text_counts(root, spec, "status")?;
+        let all: u64 = counts.values().sum();
+        runs += all;
+        failed += all - counts.get("ok").copied().unwrap_or(0);
+    }
+    Ok((runs, failed))
 }

@@ -28,7 +28,7 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     let steps = assess(&study, &lock);
     let rows = |stage: &str| -> Option<u64> {
         let outputs = lock.stages.get(stage)?.outputs.values();
-        outputs.map(|output| output.rows).sum::<Option<u64>>().filter(|rows| *rows > 0)
+        Some(outputs.filter_map(|output| output.rows).sum::<u64>()).filter(|rows| *rows > 0)
     };
     let mut out = std::io::stdout().lock();
     if arguments.json {

@@ -7,6 +7,7 @@ use crate::canonical::{Digest, Encoder, digest};
 use crate::stages::Stage;
 use crate::store::{Ledger, Lock, Output, StageLock};
 use crate::table;
+use crate::tables::io::rows_in_file;
 use std::collections::BTreeMap;
 
 table! {
@@ -135,7 +136,7 @@ impl<'a> Driver<'a> {
         for record in records.iter() {
             let Ok(digest) = record.digest.parse::<Digest>() else { return Ok(None) };
             let Ok(bytes) = self.study.store().object(&digest) else { return Ok(None) };
-            outputs.insert(record.path.clone(), self.study.store().publish(&record.path, &bytes)?);
+            outputs.insert(record.path.clone(), self.publish(&record.path, &bytes)?);
         }
         Ok(Some(outputs))
     }
@@ -150,8 +151,14 @@ impl<'a> Driver<'a> {
         }
         self.check_same_bytes(stage, recipe, &records)?;
         self.outputs.append(&records)?;
-        let publish = |(path, bytes): &(String, Vec<u8>)| Ok((path.clone(), self.study.store().publish(path, bytes)?));
-        outputs.files.iter().map(publish).collect()
+        outputs.files.iter().map(|(path, bytes)| Ok((path.clone(), self.publish(path, bytes)?))).collect()
+    }
+
+    fn publish(&self, path: &str, bytes: &[u8]) -> Result<Output, PipelineError> {
+        let output = self.study.store().publish(path, bytes)?;
+        let table = path.ends_with(".parquet");
+        let rows = table.then(|| rows_in_file(&self.study.store().root().join(path)).ok()).flatten();
+        Ok(Output { rows, ..output })
     }
 
     /// The same key must give the same bytes.

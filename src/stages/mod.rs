@@ -20,7 +20,7 @@ mod validate;
 mod verify;
 
 pub use context::{Context, Outputs, StageError};
-pub use report::{HTML as REPORT_HTML, gather};
+pub use report::{HTML as REPORT_HTML, SUMMARY as REPORT_SUMMARY};
 
 use crate::campaign::{CampaignError, Request};
 use crate::config::Config;

@@ -20,10 +20,13 @@ pub const HTML: &str = "report/index.html";
 /// The report as Markdown.
 pub const MARKDOWN: &str = "report/report.md";
 
+/// The summary that is printed at the end of a run.
+pub const SUMMARY: &str = "report/summary.txt";
+
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "report",
-    version: 1,
+    version: 2,
     purpose: "one HTML file and one Markdown file",
     reads: &[
         SampleRow::SPEC,
@@ -53,7 +56,7 @@ pub const STAGE: Stage = Stage {
         BeforeAfterRow::SPEC,
     ],
     writes: &[],
-    files: &[HTML, MARKDOWN],
+    files: &[HTML, MARKDOWN, SUMMARY],
     measured: false,
     settings: settings_text,
     run,
@@ -78,14 +81,12 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
     let mut outputs = Outputs::default();
     outputs.files.push((HTML.to_owned(), report::html(&report).into_bytes()));
     outputs.files.push((MARKDOWN.to_owned(), report::markdown(&report).into_bytes()));
+    outputs.files.push((SUMMARY.to_owned(), report::summary(&report).into_bytes()));
     Ok(outputs)
 }
 
 /// Everything the report shows; tables of stages that have not run are empty.
-///
-/// # Errors
-/// A table that cannot be read.
-pub fn gather(context: &Context) -> Result<Report, StageError> {
+fn gather(context: &Context) -> Result<Report, StageError> {
     let mut runs = rows::<RunRow>(context, RunRow::SPEC)?;
     let mut kpis = rows::<KpiRow>(context, KpiRow::SPEC)?;
     for table in [&VERIFY_RUNS, &VALIDATE_RUNS, &DIAGNOSE_RUNS] {

@@ -56,14 +56,6 @@ pub struct Output {
     pub rows: Option<u64>,
 }
 
-impl Output {
-    /// The same output with its number of rows.
-    #[must_use]
-    pub fn with_rows(self, rows: usize) -> Self {
-        Self { rows: Some(rows as u64), ..self }
-    }
-}
-
 /// A setting that differs between two versions of a stage.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {

@@ -95,6 +95,23 @@ pub fn read<R: Row>(root: &Path, spec: &TableSpec) -> Result<Vec<R>, StoreError>
     Ok(rows)
 }
 
+/// How often every value of a text column occurs in a table; nothing in one that has not been written.
+///
+/// # Errors
+/// As [`data_files`]; a file that is missing or does not fit the schema.
+pub fn text_counts(root: &Path, spec: &TableSpec, column: &str) -> Result<BTreeMap<String, u64>, StoreError> {
+    let mut all = BTreeMap::new();
+    if !root.join(index(spec)).is_file() {
+        return Ok(all);
+    }
+    for path in data_files(root, spec)? {
+        for (value, count) in io::text_counts(spec, &path, column)? {
+            *all.entry(value).or_insert(0) += count;
+        }
+    }
+    Ok(all)
+}
+
 /// Files in the folder of a table that `listed` (paths relative to the artifacts directory) does not name: parts of an
 /// earlier version that a killed process left behind.
 ///

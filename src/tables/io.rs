@@ -6,17 +6,18 @@
 
 use super::batch::{arrow_type, check_nulls, find, stamp, wrong_type};
 use super::{ColumnSpec, ColumnType, Fault, Row, TableError, TableSpec, conform};
-use arrow::array::{ArrayRef, RecordBatch};
+use arrow::array::{ArrayRef, AsArray, RecordBatch};
 use arrow::compute::{CastOptions, cast_with_options, concat_batches};
 use arrow::datatypes::{DataType, Schema};
 use bytes::Bytes;
-use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::ParquetMetaDataReader;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::schema::types::ColumnPath;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -149,6 +150,30 @@ pub fn rows_in_file(path: &Path) -> Result<u64, String> {
     let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
     let metadata = ParquetMetaDataReader::new().parse_and_finish(&file).map_err(|e| e.to_string())?;
     Ok(u64::try_from(metadata.file_metadata().num_rows()).unwrap_or(0))
+}
+
+/// How often every value of a text column of table `spec` occurs in a file; no other column is read.
+///
+/// # Errors
+/// As [`from_parquet_bytes`], and [`Fault::Unreadable`].
+pub fn text_counts(spec: &TableSpec, path: &Path, column: &str) -> Result<BTreeMap<String, u64>, TableError> {
+    let origin = path.display().to_string();
+    let fail = |e: ParquetError| TableError::in_memory(spec.name, parquet_fault(&e)).at(&origin);
+    let builder = ParquetRecordBatchReaderBuilder::try_new(Bytes::from(read_bytes(spec.name, path)?)).map_err(fail)?;
+    let Some(known) = spec.column(column) else { return Ok(BTreeMap::new()) };
+    let mask = ProjectionMask::columns(builder.parquet_schema(), [column]);
+    let mut counts = BTreeMap::new();
+    for batch in builder.with_projection(mask).with_batch_size(READ_ROWS).build().map_err(fail)? {
+        let batch = batch.map_err(|e| fail(e.into()))?;
+        let (_, array) = find(known, &batch).map_err(|fault| TableError::in_memory(spec.name, fault).at(&origin))?;
+        for value in array.as_string_opt::<i32>().into_iter().flatten().flatten() {
+            match counts.get_mut(value) {
+                Some(count) => *count += 1,
+                None => drop(counts.insert(value.to_owned(), 1)),
+            }
+        }
+    }
+    Ok(counts)
 }
 
 pub(super) fn read_bytes(table: &str, path: &Path) -> Result<Vec<u8>, TableError> {

@@ -4,7 +4,7 @@ use super::{Place, entries, entry, flip_a_bit, key, open, truncate};
 use granulake::canonical::Digest;
 use granulake::store::fsck::{self, Depth, Problem};
 use granulake::store::gc::{self, Kind};
-use granulake::store::{Lock, StageLock, Store, StoreError};
+use granulake::store::{Lock, Output, StageLock, Store, StoreError};
 use granulake::tables::io::to_parquet_bytes;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -65,7 +65,8 @@ fn a_ledger_opened_before_the_claim_sees_what_was_written_until_then() {
 
 fn lock(store: &Store) -> Lock {
     let bytes = to_parquet_bytes(&entry(1)).unwrap();
-    let output = store.publish("tables/entries/entries.parquet", &bytes).unwrap().with_rows(2);
+    let published = store.publish("tables/entries/entries.parquet", &bytes).unwrap();
+    let output = Output { rows: Some(2), ..published };
     let settings = BTreeMap::from([("design.points".to_owned(), "27".to_owned()), ("study.seed".into(), "1".into())]);
     let stage = StageLock {
         key: key(1),
