@@ -49,6 +49,11 @@ constant="damping_reading=constant damping=$gamma"
         factor "$corner" $friction
         factor "$corner-constant" $friction $constant
     done
+    for corner in low high; do
+        eval "friction=\$$corner"
+        factor "$corner-constant-top" $friction $constant deletion_reference=top
+        factor "$corner-constant-1e-3" $friction $constant insertion_step=1e-3
+    done
     factor high-mean-particle $high damping_reading=mean_particle
     factor high-smallest-grain $high damping_reading=mean_particle damping=0.134
     factor high-per-mass $high damping_reading=per_mass
@@ -62,4 +67,5 @@ constant="damping_reading=constant damping=$gamma"
     factor high-smooth-wall $high wall_friction_steel_sliding=0
     factor high-wall-rolls $high wall_rolling_ratio=0
     factor high-cut $high bulk_density.count=cut
+    factor high-softer $high stiffness_scale=0.01
 }
