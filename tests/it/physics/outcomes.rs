@@ -63,6 +63,7 @@ fn kpi(name: &str, settings: &Settings) -> Result<f64, Reason> {
 }
 
 /// A slot narrower than the grains lets none through: the run comes to rest long before its time cap, and the rate is `clogged`, not zero.
+/// No grain starts outside the bin, where it would fall past the inclines and be lost.
 #[test]
 fn a_hopper_whose_slot_is_too_narrow_is_clogged() {
     let settings = coarse(&[
@@ -76,6 +77,7 @@ fn a_hopper_whose_slot_is_too_narrow_is_clogged() {
     let setup = experiments::find("hopper").unwrap().setup(&settings).unwrap();
     let outcome = simulate(&setup, 1).unwrap();
     assert_eq!(outcome.stop, granulake::dem::Stop::EnergyRatio);
+    assert_eq!(outcome.lost, 0, "none was inserted under the inclines");
     assert!(matches!(kpi("hopper", &settings), Err(Reason::Clogged { share }) if share < 0.05));
 }
 
