@@ -1,7 +1,7 @@
 //! Random insertion of grains without contact (paper, section 3.2).
 //!
 //! A horizontal plane rises by a small step with every attempted grain. Each attempt draws a place in the area; it is refused
-//! when the grain would touch a grain or a wall, and the same grain is tried again elsewhere. (Drawing a new radius after a
+//! when the grain would touch a grain or a wall or lie behind one, and the same grain is tried again elsewhere. (Drawing a new radius after a
 //! refusal would favour small grains: three times as many in the same volume, which is no longer the sieved distribution.)
 //! The grain that reaches the volume asked for is the last.
 //! Places, sizes and frictions come from streams of their own, so that an effect on one of them leaves the others as they were.
@@ -10,7 +10,7 @@ use super::material::sphere_volume;
 use super::outcome::Failure;
 use super::particles::Grain;
 use super::setup::{FillArea, Grains, Setup, SizeDistribution, Vec3};
-use super::vector::{dot, sub};
+use super::vector::{add, cross, dot, scale, sub};
 use super::walls::Surface;
 use crate::rng::Stream;
 
@@ -134,7 +134,7 @@ impl<'a> Inserter<'a> {
         let [x, y] = draw_place(&self.setup.fill.area, &mut self.places);
         let place = [x, y, height];
         let column = self.column_of(x, y);
-        if !self.is_free(column, place, radius) || !self.clears_walls(place, radius) {
+        if !self.is_free(column, place, radius) || !self.clears_walls(place, radius) || !self.is_inside(place) {
             return false;
         }
         let reach = height - self.width;
@@ -166,10 +166,30 @@ impl<'a> Inserter<'a> {
     fn clears_walls(&self, place: Vec3, radius: f64) -> bool {
         self.surfaces.iter().all(|surface| surface.near(place).distance > radius)
     }
+
+    /// Whether no wall stands between the place and the middle of the area at its height: under the incline of a hopper is outside.
+    fn is_inside(&self, place: Vec3) -> bool {
+        let [lower, upper] = bounds(&self.setup.fill.area);
+        let middle = [0.5 * (lower[0] + upper[0]), 0.5 * (lower[1] + upper[1]), place[2]];
+        self.surfaces.iter().all(|surface| !separates(surface, middle, place))
+    }
+}
+
+/// Whether the straight line from `a` to `b` goes through a rectangle; the far side of the other shapes is refused as a contact.
+fn separates(surface: &Surface, a: Vec3, b: Vec3) -> bool {
+    let Surface::Rectangle { corner, u, v, size } = *surface else { return false };
+    let normal = cross(u, v);
+    let (from, to) = (dot(sub(a, corner), normal), dot(sub(b, corner), normal));
+    if from * to >= 0.0 {
+        return false;
+    }
+    let crossing = sub(add(a, scale(sub(b, a), from / (from - to))), corner);
+    (0.0..=size[0]).contains(&dot(crossing, u)) && (0.0..=size[1]).contains(&dot(crossing, v))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::setup::Shape;
     use super::*;
 
     #[test]
@@ -182,6 +202,18 @@ mod tests {
         let mean = radii.iter().sum::<f64>() / n as f64;
         // Mean of the truncated normal: 5.02 + 1.39 φ(1.5)/Φ(1.5) = 5.2129 mm; five standard errors of 1.22 mm/√n.
         assert!((mean - 5.2129e-3).abs() < 5.0 * 1.22e-3 / 223.6, "{mean}");
+    }
+
+    #[test]
+    fn a_wall_separates_what_lies_on_its_two_sides_only() {
+        let incline = Shape::Rectangle { corner: [0.0; 3], edge_u: [1.0, 0.0, 1.0], edge_v: [0.0, 1.0, 0.0] };
+        let surface = Surface::new(&incline);
+        let parted = |x: f64, z: f64| separates(&surface, [-0.5, 0.5, z], [x, 0.5, z]);
+        assert!(parted(0.6, 0.5) && parted(5.0, 0.99), "under the incline");
+        assert!(
+            !parted(0.4, 0.5) && !parted(5.0, 1.01) && !parted(0.6, -0.01),
+            "above it, over its top, below its foot"
+        );
     }
 
     #[test]

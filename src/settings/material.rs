@@ -21,7 +21,7 @@ pub const MATERIAL: &[SettingSpec] = &[
         "1",
         (0.5, 0.0, 2.0),
         ALL,
-        "rolling friction between grains, mu_r (torque limit mu_r |F_n| D/2, D = 2 R_i R_j/(R_i + R_j))",
+        "rolling friction between grains, mu_r (torque limit mu_r |F_n| D, D = 2 R_i R_j/(R_i + R_j))",
         "calibrated; Fig. 7 shows 0.5",
     ),
     SettingSpec::number(
