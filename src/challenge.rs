@@ -1,7 +1,7 @@
 //! Challenges: measured data that hide an effect, made by the study's own set-up with hidden parameters.
 //!
-//! Takes a study and a seed; gives a measured data set and, in a file of its own, the declaration of what is hidden.
-//! The data carry a commitment (blake3) to the declaration, so that it cannot be changed afterwards. Hidden parameters
+//! Takes a study and a seed; gives a measured data set and, in a file of its own, the declaration of what is hidden; later
+//! compares a solution with the declaration. The data carry a commitment (blake3) to the declaration, so that it cannot be changed afterwards. Hidden parameters
 //! lie inside the bounds and are no design point; the packings come from seeds that no stage of a study can draw.
 
 use crate::campaign::{Campaign, CampaignError, Point, Request, Values};
@@ -10,7 +10,8 @@ use crate::config::Config;
 use crate::effects::{self, Effect, EffectError};
 use crate::experiments::Experiment;
 use crate::rng::Stream;
-use crate::tables::list::KpiRow;
+use crate::tables::list::{AttributionRow, KpiRow, VerdictRow};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -57,6 +58,19 @@ pub enum ChallengeError {
     /// The study names no candidate to choose from.
     #[error("cannot choose a random effect: the study has no candidates; name some in [diagnose] candidates")]
     NoCandidates,
+    /// The declaration cannot be understood.
+    #[error("the declaration is no TOML of a challenge: {0}")]
+    Declaration(String),
+    /// The declaration is not the one that the data were made with.
+    #[error(
+        "the data carry the commitment {committed}, but the declaration has {found}: it was changed, or belongs to other data"
+    )]
+    BrokenSeal {
+        /// What the data say.
+        committed: String,
+        /// Digest of the declaration.
+        found: Digest,
+    },
 }
 
 /// Makes the challenge of `order` with the set-up of `config`.
@@ -144,7 +158,7 @@ fn declaration(order: &Order, parameters: &Values, effects: &Values) -> String {
 fn csv(order: &Order, sealed: &str, kpis: &[KpiRow]) -> String {
     let mut text = format!(
         "# Synthetic measurements with hidden parameters and possibly a hidden effect (challenge, seed {}).\n\
-         # commitment: blake3 {}\n\
+         {COMMITMENT}{}\n\
          experiment,repetition,kpi,value,unit\n",
         order.seed,
         Digest::of_content(sealed.as_bytes())
@@ -161,4 +175,91 @@ fn csv(order: &Order, sealed: &str, kpis: &[KpiRow]) -> String {
         };
     }
     text
+}
+
+const COMMITMENT: &str = "# commitment: blake3 ";
+
+/// What a challenge hides, read from its seal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Declaration {
+    /// The effect and its strength; none is hidden otherwise.
+    pub effect: Option<(String, f64)>,
+    /// Whether a setting was changed that no effect describes.
+    pub foreign: bool,
+}
+
+impl Declaration {
+    /// Opens the seal of the data set `measured`.
+    ///
+    /// # Errors
+    /// A declaration that is not the one the data were made with, or that cannot be read.
+    pub fn open(sealed: &str, measured: &str) -> Result<Self, ChallengeError> {
+        let committed = measured.lines().find_map(|line| line.strip_prefix(COMMITMENT)).unwrap_or("none");
+        let found = Digest::of_content(sealed.as_bytes());
+        if committed != found.to_string() {
+            return Err(ChallengeError::BrokenSeal { committed: committed.to_owned(), found });
+        }
+        let wrong = |what: &dyn std::fmt::Display| ChallengeError::Declaration(what.to_string());
+        let table: toml::Table = sealed.parse().map_err(|e: toml::de::Error| wrong(&e))?;
+        let effects = table.get("effects").and_then(toml::Value::as_table).ok_or_else(|| wrong(&"no [effects]"))?;
+        let effects: BTreeMap<&String, f64> =
+            effects.iter().filter_map(|(name, value)| Some((name, value.as_float()?))).collect();
+        let effect = effects.into_iter().next().map(|(name, strength)| (name.clone(), strength));
+        Ok(Self { effect, foreign: table.contains_key("scaled_settings") })
+    }
+}
+
+/// A solution beside the truth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Score {
+    /// What is hidden: the effect, `none` or `foreign`.
+    pub truth: String,
+    /// Its strength.
+    pub strength: Option<f64>,
+    /// Whether the effect could be named: it is among the candidates.
+    pub in_library: bool,
+    /// Verdict of the solution.
+    pub verdict: String,
+    /// Effects that the verdict names.
+    pub named: Vec<String>,
+    /// Strength found for the hidden effect.
+    pub found: Option<f64>,
+    /// Smallest strength that is detected with the wanted probability, if there is one.
+    pub detectable: Option<f64>,
+    /// Whether the verdict is right.
+    pub correct: bool,
+}
+
+/// Largest class that still counts as an answer.
+const LARGEST_CLASS: usize = 3;
+
+/// Compares a solution with the declaration.
+///
+/// Right is: the hidden effect, or a class of at most three with it; "no detectable discrepancy" where nothing is hidden
+/// or the strength is below the detection limit; "none of the candidates" where what is hidden is none of them.
+pub fn score(declaration: &Declaration, verdict: &VerdictRow, attribution: &[AttributionRow]) -> Score {
+    let named: Vec<String> = verdict.effects.split([',', ' ']).filter(|n| !n.is_empty()).map(str::to_owned).collect();
+    let hidden = declaration.effect.as_ref();
+    let row = hidden.and_then(|(name, _)| attribution.iter().find(|row| row.effect == *name));
+    let quiet = verdict.verdict == "no_detectable_discrepancy";
+    let detectable = row.and_then(|row| row.strength_90);
+    let correct = match (hidden, row) {
+        (None, _) if declaration.foreign => verdict.verdict == "none_of_the_candidates",
+        (None, _) => quiet,
+        (Some(_), None) => verdict.verdict == "none_of_the_candidates",
+        (Some((name, strength)), Some(_)) => {
+            let weak = detectable.is_none_or(|limit| strength.abs() < limit.abs());
+            (named.len() <= LARGEST_CLASS && named.contains(name)) || (weak && quiet)
+        }
+    };
+    Score {
+        truth: hidden.map_or(if declaration.foreign { "foreign" } else { "none" }, |(name, _)| name).to_owned(),
+        strength: hidden.map(|(_, strength)| *strength),
+        in_library: row.is_some(),
+        verdict: verdict.verdict.clone(),
+        found: row.map(|row| row.strength),
+        named,
+        detectable,
+        correct,
+    }
 }

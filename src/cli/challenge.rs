@@ -1,14 +1,28 @@
 //! `challenge`: measured data that hide an effect, for testing the whole loop.
 
+use super::output::aligned;
 use super::{CliError, Outcome};
 use crate::campaign::{Campaign, Options};
-use crate::challenge::{Order, make};
-use crate::pipeline::Study;
-use crate::store::Store;
+use crate::challenge::{self, Declaration, Order, Score};
+use crate::pipeline::run::{Request, repro};
+use crate::pipeline::{self, Study};
+use crate::stages;
+use crate::store::{Store, table};
+use crate::tables::Row;
+use crate::tables::list::{AttributionRow, VerdictRow};
 use clap::{Args, Subcommand};
+use serde_json::json;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Make measured data that hide an effect.
+/// The data of a challenge, in its folder.
+const MEASURED: &str = "measured.csv";
+/// The declaration, which nothing but `score` reads.
+const SEALED: &str = "sealed.toml";
+/// Tables of the solution.
+const SOLUTION: &str = "solution";
+
+/// Make, solve and score measured data that hide an effect.
 #[derive(Debug, Args)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -46,6 +60,34 @@ Examples:
         #[arg(long)]
         out: PathBuf,
     },
+    /// Calibrate and diagnose the data of a challenge with the study's runs; writes DIR/solution.
+    #[command(after_help = "\
+Examples:
+  granulake challenge solve blind
+  granulake challenge solve blind --without cohesion       as if the library did not know cohesion")]
+    Solve {
+        /// Folder with measured.csv.
+        dir: PathBuf,
+        /// A candidate of the study to leave out.
+        #[arg(long, value_name = "EFFECT")]
+        without: Option<String>,
+        /// Threads; one per core when left out.
+        #[arg(long, value_name = "N", default_value_t = 0)]
+        jobs: usize,
+    },
+    /// Open the seals of solved challenges and compare.
+    #[command(after_help = "\
+Examples:
+  granulake challenge score blind
+  granulake challenge score blind*/ --json")]
+    Score {
+        /// Folders with measured.csv, sealed.toml and solution.
+        #[arg(required = true)]
+        dirs: Vec<PathBuf>,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
 }
 
 fn factor(text: &str) -> Result<(String, f64), String> {
@@ -53,24 +95,111 @@ fn factor(text: &str) -> Result<(String, f64), String> {
     Ok((name.to_owned(), value.parse().map_err(|_| format!("`{value}` is not a number"))?))
 }
 
-/// Makes the challenge and writes its two files.
+/// Makes, solves or scores.
 pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
-    let Action::New { seed, effect, strength, n, n_held_out, scale, out } = &arguments.action;
-    let order = Order {
-        seed: *seed,
-        effect: effect.clone(),
-        strength: *strength,
-        repetitions: *n,
-        held_out_repetitions: *n_held_out,
-        scale: scale.clone(),
-    };
+    match &arguments.action {
+        Action::New { seed, effect, strength, n, n_held_out, scale, out } => {
+            let order = Order {
+                seed: *seed,
+                effect: effect.clone(),
+                strength: *strength,
+                repetitions: *n,
+                held_out_repetitions: *n_held_out,
+                scale: scale.clone(),
+            };
+            new(study, &order, out)
+        }
+        Action::Solve { dir, without, jobs } => solve(study, dir, without.as_deref(), *jobs),
+        Action::Score { dirs, json } => score(dirs, *json),
+    }
+}
+
+/// Makes the challenge and writes its two files.
+fn new(study: &Path, order: &Order, out: &Path) -> Result<Outcome, CliError> {
     // The measured data of the study are not read: the challenge may be about to become one of them.
     let config = Study::config(study)?;
     let campaign = Campaign::open(Store::at(config.artifacts()), Options { progress: true, ..Options::default() })?;
-    let challenge = make(&config, &campaign, &order)?;
+    let challenge = challenge::make(&config, &campaign, order)?;
     std::fs::create_dir_all(out)?;
-    std::fs::write(out.join("sealed.toml"), challenge.sealed)?;
-    std::fs::write(out.join("measured.csv"), challenge.measured)?;
-    eprintln!("wrote {}; name it in a [[measured]] section of a study", out.join("measured.csv").display());
+    std::fs::write(out.join(SEALED), challenge.sealed)?;
+    std::fs::write(out.join(MEASURED), challenge.measured)?;
+    eprintln!("wrote {}; name it in a [[measured]] section of a study", out.join(MEASURED).display());
     Ok(Outcome::Done)
+}
+
+/// Brings the study up to date as far as its metamodels, solves, and writes the tables.
+fn solve(study: &Path, dir: &Path, without: Option<&str>, jobs: usize) -> Result<Outcome, CliError> {
+    let study = Study::load(study)?;
+    if let Some(name) = without.filter(|name| !study.config.diagnose.candidates.iter().any(|known| known == name)) {
+        let known = study.config.diagnose.candidates.join(", ");
+        return Err(format!("`{name}` is no candidate of the study; these are: {known}").into());
+    }
+    let options = Options { jobs, progress: true, retry_failed: false };
+    repro(&study, &Request { target: stages::find("train"), force: false, options }, |_, _| {})?;
+    let campaign = study.campaign(options)?;
+    let solution = dir.join(SOLUTION);
+    if solution.exists() {
+        std::fs::remove_dir_all(&solution)?;
+    }
+    for (path, bytes) in pipeline::solve::solve(&study, &campaign, &dir.join(MEASURED), without)? {
+        let path = solution.join(path);
+        std::fs::create_dir_all(path.parent().unwrap_or(&solution))?;
+        std::fs::write(path, bytes)?;
+    }
+    campaign.compact()?;
+    let verdicts: Vec<VerdictRow> = table::read(&solution, VerdictRow::SPEC)?;
+    let sentence = verdicts.first().map_or("no verdict", |row| row.sentence.as_str());
+    writeln!(std::io::stdout(), "{}: {sentence}", dir.display())?;
+    Ok(Outcome::Done)
+}
+
+/// Opens the seals and prints one line per challenge, or an array.
+fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
+    let mut scores = Vec::new();
+    for dir in dirs {
+        scores.push((dir, score_one(dir).map_err(|e| format!("{}: {e}", dir.display()))?));
+    }
+    let mut out = std::io::stdout().lock();
+    if as_json {
+        let entry = |(dir, s): &(&PathBuf, Score)| {
+            json!({
+                "dir": dir.display().to_string(), "truth": s.truth, "strength": s.strength, "in_library": s.in_library,
+                "verdict": s.verdict, "named": s.named, "found": s.found, "detectable": s.detectable,
+                "correct": s.correct,
+            })
+        };
+        writeln!(out, "{}", serde_json::Value::Array(scores.iter().map(entry).collect()))?;
+        return Ok(Outcome::Done);
+    }
+    let names = ["challenge", "truth", "strength", "verdict", "named", "found", "correct"].map(str::to_owned);
+    let cells = scores.iter().map(|(dir, s)| {
+        vec![
+            dir.display().to_string().into(),
+            s.truth.clone().into(),
+            s.strength.into(),
+            s.verdict.clone().into(),
+            s.named.join(" ").into(),
+            s.found.into(),
+            s.correct.into(),
+        ]
+    });
+    writeln!(out, "{}", aligned(&names, &cells.collect::<Vec<_>>()))?;
+    let right = scores.iter().filter(|(_, s)| s.correct).count();
+    writeln!(out, "{right} of {} correct", scores.len())?;
+    Ok(Outcome::Done)
+}
+
+fn score_one(dir: &Path) -> Result<Score, CliError> {
+    let text = |name: &str| {
+        std::fs::read_to_string(dir.join(name))
+            .map_err(|e| format!("cannot read {name}: {e}; a scored challenge needs it"))
+    };
+    let declaration = Declaration::open(&text(SEALED)?, &text(MEASURED)?)?;
+    let solution = dir.join(SOLUTION);
+    if !solution.is_dir() {
+        return Err("it has no solution; run `granulake challenge solve` first".into());
+    }
+    let verdicts: Vec<VerdictRow> = table::read(&solution, VerdictRow::SPEC)?;
+    let verdict = verdicts.first().ok_or("its solution has no verdict; run `granulake challenge solve` again")?;
+    Ok(challenge::score(&declaration, verdict, &table::read::<AttributionRow>(&solution, AttributionRow::SPEC)?))
 }

@@ -115,6 +115,17 @@ impl Config {
         Self::from_reading(reading, &self.file)
     }
 
+    /// The same study with one data set in place of all others, and without one of its candidate effects.
+    #[must_use]
+    pub fn with_only(&self, source: MeasuredSource, without: Option<&str>) -> Self {
+        let mut config = self.clone();
+        config.diagnose.measured = vec![source.name.clone()];
+        config.diagnose.candidates.retain(|name| without != Some(name.as_str()));
+        config.priors.clear();
+        config.measured = vec![source];
+        config
+    }
+
     /// The experiments whose KPIs are fitted, in the order in which experiments are registered.
     pub fn experiments(&self) -> Vec<&'static dyn Experiment> {
         let fitted = self.reading.values.words("experiments.fitted");

@@ -7,6 +7,7 @@
 pub mod integrity;
 pub mod plan;
 pub mod run;
+pub mod solve;
 mod study;
 
 pub use study::{PipelineError, Study};
