@@ -11,7 +11,7 @@ use super::outcome::Failure;
 use super::particles::Grain;
 use super::setup::{FillArea, Grains, Setup, SizeDistribution, Vec3};
 use super::vector::{dot, sub};
-use super::walls::Surface;
+use super::walls::{Geometry, Surface};
 use crate::rng::Stream;
 
 /// The inserted grains, at rest, and the number of attempts.

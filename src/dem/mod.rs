@@ -17,6 +17,7 @@ mod fill;
 mod forces;
 mod grid;
 mod integrate;
+mod lanes;
 mod lists;
 pub mod material;
 mod observe;
