@@ -5,8 +5,7 @@
 
 use super::contact::{Coefficients, Constants, Kinematics, Response, Springs, respond};
 use super::lanes::{Lanes, Mask, Number, Rows, Transposer, Truths, WIDTH};
-use super::lists::{Block, Entries, PairList, Row, WallList};
-use super::material::Law;
+use super::lists::{Block, Entries, PairList, Pairs, Row, WallList};
 use super::particles::Particles;
 use super::setup::Vec3;
 use super::vector::{Row8, dot, pick, scale, splat, sub, xyz};
@@ -16,32 +15,50 @@ use pulp::{Simd, WithSimd};
 /// Overlap over radius beyond which a run counts as exploded [-].
 pub const MAX_OVERLAP: f64 = 0.5;
 
-/// One evaluation of all contact forces, run with the widest vectors of the machine.
-pub struct Evaluation<'a> {
+/// Forces between grains, evaluated with the widest vectors of the machine.
+pub struct PairForces<'a> {
     /// Grains, whose loads are added to.
     pub grains: &'a mut Particles,
     /// Listed pairs.
-    pub pairs: &'a mut PairList,
-    /// Listed wall contacts.
-    pub contacts: &'a mut WallList,
-    /// Walls.
-    pub walls: &'a [WallPiece],
-    /// The law.
-    pub law: &'a Law,
-    /// Work space: dropped wall contacts and the kept ones whose springs they inherit.
-    pub inherit: &'a mut Vec<[u32; 2]>,
+    pub pairs: &'a mut Pairs,
+    /// The law between grains.
+    pub law: &'a Coefficients,
 }
 
-impl WithSimd for Evaluation<'_> {
+impl WithSimd for PairForces<'_> {
     /// Whether an overlap is beyond [`MAX_OVERLAP`].
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Evaluation { grains, pairs, contacts, walls, law, inherit } = self;
         let kernel = Kernel { simd, transposer: Transposer(simd) };
-        let deep = kernel.add_pairs(grains, pairs, &law.pair);
-        deep | kernel.add_walls(grains, contacts, walls, &law.wall, inherit)
+        let deep = kernel.add_pairs(self.grains, &mut self.pairs.touching, self.law);
+        deep | kernel.add_pairs(self.grains, &mut self.pairs.apart, self.law)
+    }
+}
+
+/// Forces of the walls, evaluated with the widest vectors of the machine.
+pub struct WallForces<'a> {
+    /// Grains, whose loads are added to.
+    pub grains: &'a mut Particles,
+    /// Listed wall contacts.
+    pub contacts: &'a mut WallList,
+    /// Walls.
+    pub walls: &'a [WallPiece],
+    /// The law at walls.
+    pub law: &'a Coefficients,
+    /// Work space: dropped wall contacts and the kept ones whose springs they inherit.
+    pub inherit: &'a mut Vec<[u32; 2]>,
+}
+
+impl WithSimd for WallForces<'_> {
+    /// Whether an overlap is beyond [`MAX_OVERLAP`].
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let kernel = Kernel { simd, transposer: Transposer(simd) };
+        kernel.add_walls(self.grains, self.contacts, self.walls, self.law, self.inherit)
     }
 }
 
@@ -315,9 +332,9 @@ impl<S: Simd> WallPass<'_, S> {
     fn keep_edges(&mut self, base: usize, edges: Truths<S>) -> Truths<S> {
         let zero = Lanes::zero(self.kernel.simd);
         let mut kept = Lanes::pick(edges, zero, zero.splat(1.0)).numbers();
-        for l in (0..S::F64_LANES).filter(|&l| kept[l] == 0.0).collect::<Vec<_>>() {
+        for (l, kept) in kept.iter_mut().enumerate().take(S::F64_LANES).filter(|(_, kept)| **kept == 0.0) {
             let grain = self.list.grain[base + l];
-            kept[l] = if self.drops(base + l, grain, xyz(&self.grains.place[grain as usize])) { 0.0 } else { 1.0 };
+            *kept = f64::from(u8::from(!self.drops(base + l, grain, xyz(&self.grains.place[grain as usize]))));
         }
         zero.less(Lanes::load(self.kernel.simd, &kept, 0))
     }

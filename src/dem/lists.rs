@@ -45,6 +45,15 @@ pub struct PairList {
     start: Vec<u32>,
 }
 
+/// All listed pairs, in two lists: vectors of the first are full of contacts, most of the second are left early.
+#[derive(Debug, Clone, Default)]
+pub struct Pairs {
+    /// Pairs that touched at the last rebuild.
+    pub touching: PairList,
+    /// The others.
+    pub apart: PairList,
+}
+
 /// Listed contacts of grains with walls.
 #[derive(Debug, Clone, Default)]
 pub struct WallList {
@@ -72,9 +81,9 @@ impl Entries {
         }
     }
 
-    /// Writes entry `k`: entry `from` of `old` with its sliding spring multiplied by `sign`, or an untouched one with `fresh` constants.
-    fn put(&mut self, k: usize, old: &Self, from: Option<usize>, sign: f64, fresh: impl FnOnce() -> Constants) {
-        let Some(from) = from else {
+    /// Writes entry `k`: an older one with its sliding spring multiplied by `sign`, or an untouched one with `fresh` constants.
+    fn put(&mut self, k: usize, older: Option<(&Self, usize)>, sign: f64, fresh: impl FnOnce() -> Constants) {
+        let Some((old, from)) = older else {
             self.set_constants(k, &fresh());
             return;
         };
@@ -144,18 +153,14 @@ impl PairList {
         self.len = 0;
     }
 
-    /// Appends the pair (i, j), which was (a, b) in the numbering of `old`; a pair new to the list asks for its constants.
-    ///
-    /// Where the order of the two is reversed the sliding spring changes sign, because it belongs to v_i - v_j; the rolling
-    /// spring does not, because n and ω_i - ω_j both change sign. The constants do not either.
-    pub fn push(&mut self, ends: [u32; 2], old: &Self, [a, b]: [u32; 2], fresh: impl FnOnce() -> Constants) {
-        let (from, sign) = if a < b { (old.find(a, b), 1.0) } else { (old.find(b, a), -1.0) };
+    /// Appends the pair (i, j), which was `older`; a pair new to the list asks for its constants.
+    fn push(&mut self, ends: [u32; 2], older: Option<(&Entries, usize)>, sign: f64, fresh: impl FnOnce() -> Constants) {
         // `start` is filled as the pairs come: grains without pairs get an empty range.
         while self.start.len() <= ends[0] as usize {
             self.start.push(self.len as u32);
         }
         self.entries.reach(self.len);
-        self.entries.put(self.len, &old.entries, from, sign, fresh);
+        self.entries.put(self.len, older, sign, fresh);
         self.ends.resize(self.entries.bridge.len(), [0; 2]);
         self.ends[self.len] = ends;
         self.len += 1;
@@ -167,8 +172,47 @@ impl PairList {
         bound(i as usize)..bound(i as usize + 1)
     }
 
-    fn find(&self, i: u32, j: u32) -> Option<usize> {
-        self.of_grain(i).find(|&k| self.ends[k][1] == j)
+    fn find(&self, i: u32, j: u32) -> Option<(&Entries, usize)> {
+        self.of_grain(i).find(|&k| self.ends[k][1] == j).map(|k| (&self.entries, k))
+    }
+}
+
+impl Pairs {
+    /// Number of listed pairs.
+    pub fn len(&self) -> usize {
+        self.touching.len() + self.apart.len()
+    }
+
+    /// Both lists, in the order in which forces are added.
+    pub fn lists(&self) -> [&PairList; 2] {
+        [&self.touching, &self.apart]
+    }
+
+    /// Empties the lists.
+    pub fn clear(&mut self) {
+        self.touching.clear();
+        self.apart.clear();
+    }
+
+    /// Appends the pair (i, j), which was (a, b) in the numbering of `old`; a pair new to the lists asks for its constants.
+    ///
+    /// Where the order of the two is reversed the sliding spring changes sign, because it belongs to v_i - v_j; the rolling
+    /// spring does not, because n and ω_i - ω_j both change sign. The constants do not either.
+    pub fn push(
+        &mut self,
+        touching: bool,
+        ends: [u32; 2],
+        old: &Self,
+        [a, b]: [u32; 2],
+        fresh: impl FnOnce() -> Constants,
+    ) {
+        let (older, sign) = if a < b { (old.find(a, b), 1.0) } else { (old.find(b, a), -1.0) };
+        let list = if touching { &mut self.touching } else { &mut self.apart };
+        list.push(ends, older, sign, fresh);
+    }
+
+    fn find(&self, i: u32, j: u32) -> Option<(&Entries, usize)> {
+        self.touching.find(i, j).or_else(|| self.apart.find(i, j))
     }
 }
 
@@ -192,7 +236,7 @@ impl WallList {
         let k = *last as usize;
         *last += 1;
         self.entries.reach(k);
-        self.entries.put(k, &old.entries, from, 1.0, fresh);
+        self.entries.put(k, from.map(|from| (&old.entries, from)), 1.0, fresh);
         self.grain.resize(self.entries.bridge.len(), 0);
         self.grain[k] = grain;
     }

@@ -141,11 +141,13 @@ impl World {
 
     /// Calls `visit(grain, other, overlap, springs)` for every touching contact, in list order.
     fn for_each_contact(&self, mut visit: impl FnMut(usize, Other, f64, &Springs)) {
-        for (k, &[i, j]) in self.pairs.pairs().iter().enumerate() {
-            let (a, b) = (&self.grains.place[i as usize], &self.grains.place[j as usize]);
-            if touch(a, b) {
-                let overlap = a[3] + b[3] - length(sub(xyz(a), xyz(b)));
-                visit(i as usize, Other::Grain(j as usize), overlap, &self.pairs.entries.springs(k));
+        for list in self.pairs.lists() {
+            for (k, &[i, j]) in list.pairs().iter().enumerate() {
+                let (a, b) = (&self.grains.place[i as usize], &self.grains.place[j as usize]);
+                if touch(a, b) {
+                    let overlap = a[3] + b[3] - length(sub(xyz(a), xyz(b)));
+                    visit(i as usize, Other::Grain(j as usize), overlap, &list.entries.springs(k));
+                }
             }
         }
         for (w, wall) in self.walls.iter().enumerate() {

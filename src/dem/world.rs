@@ -7,13 +7,13 @@
 
 use super::bridges::{self, Bridges};
 use super::contact::{Coefficients, Constants, implicit};
-use super::forces::{Evaluation, MAX_OVERLAP};
+use super::forces::{MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
 use super::integrate::Integration;
-use super::lists::{PairList, WallList};
+use super::lists::{Pairs, WallList};
 use super::material::{Law, pair_length, time_step};
 use super::outcome::{Failure, State};
-use super::particles::{Grain, Particles};
+use super::particles::{Grain, Particles, touch};
 use super::setup::{Reference, Region, Setup, Vec3, WallSpecies};
 use super::skin::Skin;
 use super::vector::{Row4, dot, xyz};
@@ -24,7 +24,7 @@ use pulp::Arch;
 #[derive(Debug, Clone)]
 pub struct World {
     pub(super) grains: Particles,
-    pub(super) pairs: PairList,
+    pub(super) pairs: Pairs,
     pub(super) contacts: WallList,
     pub(super) walls: Vec<WallPiece>,
     pub(super) law: Law,
@@ -46,12 +46,13 @@ pub struct World {
 #[derive(Debug, Clone, Default)]
 struct Spare {
     grains: Particles,
-    pairs: PairList,
+    pairs: Pairs,
     contacts: WallList,
     grid: Grid,
     keep: Vec<bool>,
     reach: Vec<Row4>,
     entry: Vec<u32>,
+    hits: Vec<u32>,
 }
 
 /// Marks a grain without an entry in the old wall list.
@@ -66,7 +67,7 @@ impl World {
         let time_step = time_step(setup);
         let mut world = Self {
             grains: Particles::default(),
-            pairs: PairList::default(),
+            pairs: Pairs::default(),
             contacts: WallList::default(),
             walls: setup.walls.iter().map(WallPiece::new).collect(),
             law: Law::new(setup, time_step),
@@ -200,16 +201,12 @@ impl World {
     }
 
     fn evaluate(&mut self) -> Result<(), Failure> {
-        let deep = self.arch.dispatch(Evaluation {
-            grains: &mut self.grains,
-            pairs: &mut self.pairs,
-            contacts: &mut self.contacts,
-            walls: &self.walls,
-            law: &self.law,
-            inherit: &mut self.inherit,
-        });
+        let Self { grains, pairs, contacts, walls, law, inherit, arch, .. } = self;
+        let deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
+        let deep = deep | arch.dispatch(WallForces { grains, contacts, walls, law: &law.wall, inherit });
         if let Some(law) = &self.bridges {
-            bridges::add_pairs(&mut self.grains, &mut self.pairs, law);
+            bridges::add_pairs(&mut self.grains, &mut self.pairs.touching, law);
+            bridges::add_pairs(&mut self.grains, &mut self.pairs.apart, law);
             bridges::add_walls(&mut self.grains, &mut self.contacts, &self.walls, law);
         }
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
@@ -284,9 +281,10 @@ impl World {
         pairs.clear();
         skin.reaches(&grains.place, rupture, &mut spare.reach);
         let order = &spare.grid.order;
-        spare.grid.pairs(&spare.reach, |i, j| {
+        spare.grid.pairs(&spare.reach, &mut spare.hits, |i, j| {
             let fresh = || pair_constants(grains, law, i, j);
-            pairs.push([i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
+            let touching = touch(&grains.place[i], &grains.place[j]);
+            pairs.push(touching, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
         });
     }
 
