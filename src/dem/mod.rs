@@ -42,4 +42,4 @@ pub use setup::{
 pub use world::World;
 
 /// Version of the simulated physics; raised with every change that alters the bits of a result. Part of every run's key.
-pub const PHYSICS_VERSION: u32 = 1;
+pub const PHYSICS_VERSION: u32 = 2;

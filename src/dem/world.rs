@@ -133,7 +133,7 @@ impl World {
         self.grains.len() == 0
     }
 
-    /// Grains that left the domain so far; looked at when lists are rebuilt.
+    /// Grains that left the domain so far; looked at when lists are rebuilt, and in a run with every look at its energies.
     pub fn lost(&self) -> usize {
         self.lost
     }
@@ -247,6 +247,15 @@ impl World {
         let Some(wall) = self.walls.iter_mut().find(|wall| wall.name == name && wall.active) else { return Ok(false) };
         wall.velocity = velocity;
         self.rebuild().map(|()| true)
+    }
+
+    /// Removes the grains outside the domain, which between rebuilds nobody notices.
+    ///
+    /// # Errors
+    /// [`Failure::NotFinite`] from the rebuild.
+    pub(super) fn sweep(&mut self) -> Result<(), Failure> {
+        let left = self.grains.place.iter().any(|place| !self.domain.contains(xyz(place)));
+        if left { self.rebuild() } else { Ok(()) }
     }
 
     fn rebuild(&mut self) -> Result<(), Failure> {
