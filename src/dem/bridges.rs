@@ -7,10 +7,10 @@
 
 use super::lists::{PairList, WallList};
 use super::material::sphere_mass;
-use super::particles::Particles;
+use super::particles::{Particles, touch};
 use super::setup::{LiquidBridges, Setup, Vec3};
-use super::vector::{Row8, dot, length, scale, sub, xyz};
-use super::walls::{WallPiece, keeper};
+use super::vector::{Row8, length, scale, sub, xyz};
+use super::walls::{Geometry, WallPiece, keeper};
 
 /// The law in numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,17 +59,17 @@ impl Bridges {
 }
 
 /// Adds the bridges between grains.
-pub fn add_pairs(grains: &mut Particles, list: &mut PairList, law: &Bridges, tick: u32) {
-    for (k, &[i, j]) in list.ends.iter().enumerate() {
-        let touches = list.history.touched[k] == tick;
-        if !touches && !list.history.bridge[k] {
+pub fn add_pairs(grains: &mut Particles, list: &mut PairList, law: &Bridges) {
+    for (k, &[i, j]) in list.ends.iter().enumerate().take(list.len()) {
+        let (a, b) = (&grains.place[i as usize], &grains.place[j as usize]);
+        let touches = touch(a, b);
+        if !touches && !list.entries.bridge[k] {
             continue;
         }
-        let (a, b) = (&grains.place[i as usize], &grains.place[j as usize]);
         let between = sub(xyz(a), xyz(b));
-        let distance = dot(between, between).sqrt();
-        let pull = law.pull(distance - a[3] - b[3], list.constants[k][1], touches);
-        list.history.bridge[k] = pull.is_some();
+        let distance = length(between);
+        let pull = law.pull(distance - a[3] - b[3], list.entries.length(k), touches);
+        list.entries.bridge[k] = pull.is_some();
         if let Some(force) = pull {
             let force = scale(between, force / distance);
             add_force(&mut grains.load[i as usize], scale(force, -1.0));
@@ -79,23 +79,23 @@ pub fn add_pairs(grains: &mut Particles, list: &mut PairList, law: &Bridges, tic
 }
 
 /// Adds the bridges to walls; a contact dropped at a joint follows the piece that is kept, and pulls nothing of its own.
-pub fn add_walls(grains: &mut Particles, list: &mut WallList, walls: &[WallPiece], law: &Bridges, tick: u32) {
+pub fn add_walls(grains: &mut Particles, list: &mut WallList, walls: &[WallPiece], law: &Bridges) {
     for (w, wall) in walls.iter().enumerate() {
         for entry in list.of_wall(w) {
-            let touches = list.history.touched[entry] == tick;
-            if !touches && !list.history.bridge[entry] {
-                continue;
-            }
             let grain = list.grain[entry];
             let place = grains.place[grain as usize];
             let near = wall.surface.near(xyz(&place));
-            let kept = if near.edge { keeper(walls, w, xyz(&place), &near) } else { None };
-            if let Some(kept) = kept.and_then(|kept| list.find(kept, grain)) {
-                list.history.bridge[entry] = list.history.bridge[kept];
+            let touches = place[3] - near.distance > 0.0;
+            if !touches && !list.entries.bridge[entry] {
                 continue;
             }
-            let pull = law.pull(near.distance - place[3], list.constants[entry][1], touches);
-            list.history.bridge[entry] = pull.is_some();
+            let kept = if near.edge { keeper(walls, w, xyz(&place), &near) } else { None };
+            if let Some(kept) = kept.and_then(|kept| list.find(kept, grain)) {
+                list.entries.bridge[entry] = list.entries.bridge[kept];
+                continue;
+            }
+            let pull = law.pull(near.distance - place[3], list.entries.length(entry), touches);
+            list.entries.bridge[entry] = pull.is_some();
             if let Some(force) = pull {
                 add_force(&mut grains.load[grain as usize], scale(near.normal, -force));
             }

@@ -10,8 +10,8 @@ use super::material::sphere_volume;
 use super::outcome::Failure;
 use super::particles::Grain;
 use super::setup::{FillArea, Grains, Setup, SizeDistribution, Vec3};
-use super::vector::{add, cross, dot, scale, sub};
-use super::walls::Surface;
+use super::vector::{dot, sub};
+use super::walls::{Geometry, Surface};
 use crate::rng::Stream;
 
 /// The inserted grains, at rest, and the number of attempts.
@@ -171,25 +171,12 @@ impl<'a> Inserter<'a> {
     fn is_inside(&self, place: Vec3) -> bool {
         let [lower, upper] = bounds(&self.setup.fill.area);
         let middle = [0.5 * (lower[0] + upper[0]), 0.5 * (lower[1] + upper[1]), place[2]];
-        self.surfaces.iter().all(|surface| !separates(surface, middle, place))
+        self.surfaces.iter().all(|surface| !surface.separates(middle, place))
     }
-}
-
-/// Whether the straight line from `a` to `b` goes through a rectangle; the far side of the other shapes is refused as a contact.
-fn separates(surface: &Surface, a: Vec3, b: Vec3) -> bool {
-    let Surface::Rectangle { corner, u, v, size } = *surface else { return false };
-    let normal = cross(u, v);
-    let (from, to) = (dot(sub(a, corner), normal), dot(sub(b, corner), normal));
-    if from * to >= 0.0 {
-        return false;
-    }
-    let crossing = sub(add(a, scale(sub(b, a), from / (from - to))), corner);
-    (0.0..=size[0]).contains(&dot(crossing, u)) && (0.0..=size[1]).contains(&dot(crossing, v))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::setup::Shape;
     use super::*;
 
     #[test]
@@ -202,18 +189,6 @@ mod tests {
         let mean = radii.iter().sum::<f64>() / n as f64;
         // Mean of the truncated normal: 5.02 + 1.39 φ(1.5)/Φ(1.5) = 5.2129 mm; five standard errors of 1.22 mm/√n.
         assert!((mean - 5.2129e-3).abs() < 5.0 * 1.22e-3 / 223.6, "{mean}");
-    }
-
-    #[test]
-    fn a_wall_separates_what_lies_on_its_two_sides_only() {
-        let incline = Shape::Rectangle { corner: [0.0; 3], edge_u: [1.0, 0.0, 1.0], edge_v: [0.0, 1.0, 0.0] };
-        let surface = Surface::new(&incline);
-        let parted = |x: f64, z: f64| separates(&surface, [-0.5, 0.5, z], [x, 0.5, z]);
-        assert!(parted(0.6, 0.5) && parted(5.0, 0.99), "under the incline");
-        assert!(
-            !parted(0.4, 0.5) && !parted(5.0, 1.01) && !parted(0.6, -0.01),
-            "above it, over its top, below its foot"
-        );
     }
 
     #[test]

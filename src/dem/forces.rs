@@ -1,232 +1,370 @@
-//! Forces of all listed contacts: finds those that touch, fills batches, applies the law, adds forces in list order.
+//! Forces of all listed contacts: takes them a vector at a time, applies the law, adds forces in list order.
 //!
 //! Takes grains, lists and the law, changes loads and springs. Liquid bridges are a term of their own in [`super::bridges`].
+//! Listed contacts that do not touch go along in their lane and give zero; a vector in which none touches is left early.
 
-use super::contact::{Batch, Coefficients, LANES, Rows};
-use super::lists::{History, PairList, WallList};
-use super::material::Law;
+use super::contact::{Coefficients, Constants, Kinematics, Response, Springs, respond};
+use super::lanes::{Lanes, Mask, Number, Rows, Transposer, Truths, WIDTH};
+use super::lists::{Block, Entries, PairList, Pairs, Row, WallList};
 use super::particles::Particles;
 use super::setup::Vec3;
-use super::vector::{Row4, Row8, xyz};
-use super::walls::{Near, Surface, WallPiece, keeper, near_cylinder, near_plane, near_rectangle};
+use super::vector::{Row8, dot, pick, scale, splat, sub, xyz};
+use super::walls::{Geometry, Surface, WallPiece, keeper};
 use pulp::{Simd, WithSimd};
 
 /// Overlap over radius beyond which a run counts as exploded [-].
 pub const MAX_OVERLAP: f64 = 0.5;
 
-/// Work space of the force evaluation, kept between steps.
-#[derive(Debug, Clone)]
-pub struct Scratch {
-    batch: Batch,
-    touching: Vec<u32>,
-    grains: [u32; LANES],
-    entries: [u32; LANES],
-    /// Dropped wall contacts and the kept ones whose springs they inherit.
-    inherit: Vec<[u32; 2]>,
-}
-
-impl Scratch {
-    /// Empty work space.
-    pub fn new() -> Self {
-        Self { batch: Batch::new(), touching: Vec::new(), grains: [0; LANES], entries: [0; LANES], inherit: Vec::new() }
-    }
-}
-
-/// One evaluation of all contact forces, run with the widest vectors of the machine.
-pub struct Evaluation<'a> {
+/// Forces between grains, evaluated with the widest vectors of the machine.
+pub struct PairForces<'a> {
     /// Grains, whose loads are added to.
     pub grains: &'a mut Particles,
     /// Listed pairs.
-    pub pairs: &'a mut PairList,
-    /// Listed wall contacts.
-    pub contacts: &'a mut WallList,
-    /// Walls.
-    pub walls: &'a [WallPiece],
-    /// The law.
-    pub law: &'a Law,
-    /// Number of this evaluation.
-    pub tick: u32,
-    /// Work space.
-    pub work: &'a mut Scratch,
+    pub pairs: &'a mut Pairs,
+    /// The law between grains.
+    pub law: &'a Coefficients,
 }
 
-impl WithSimd for Evaluation<'_> {
+impl WithSimd for PairForces<'_> {
     /// Whether an overlap is beyond [`MAX_OVERLAP`].
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> bool {
-        let Evaluation { grains, pairs, contacts, walls, law, tick, work } = self;
-        let deep = add_pairs(grains, pairs, &law.pair, tick, work);
-        deep | add_walls(grains, contacts, walls, &law.wall, tick, work)
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let kernel = Kernel { simd, transposer: Transposer(simd) };
+        let deep = kernel.add_pairs(self.grains, &mut self.pairs.touching, self.law);
+        deep | kernel.add_pairs(self.grains, &mut self.pairs.apart, self.law)
     }
 }
 
-/// Adds the forces between grains. Tells whether an overlap is too deep.
-#[inline(always)]
-fn add_pairs(grains: &mut Particles, list: &mut PairList, law: &Coefficients, tick: u32, work: &mut Scratch) -> bool {
-    work.touching.resize(list.len(), 0);
-    let (count, deep) = find_touching(&grains.place, &list.ends, &mut work.touching);
-    for chunk in work.touching[..count].chunks(LANES) {
-        fill_pairs(&mut work.batch.rows, grains, list, chunk, tick);
-        work.batch.evaluate_pairs(chunk.len(), law);
-        add_pair_loads(&work.batch, &mut grains.load, &list.ends, chunk);
-        store_springs(&work.batch, &mut list.history, chunk, tick);
-    }
-    deep
+/// Forces of the walls, evaluated with the widest vectors of the machine.
+pub struct WallForces<'a> {
+    /// Grains, whose loads are added to.
+    pub grains: &'a mut Particles,
+    /// Listed wall contacts.
+    pub contacts: &'a mut WallList,
+    /// Walls.
+    pub walls: &'a [WallPiece],
+    /// The law at walls.
+    pub law: &'a Coefficients,
+    /// Work space: dropped wall contacts and the kept ones whose springs they inherit.
+    pub inherit: &'a mut Vec<[u32; 2]>,
 }
 
-/// Writes the touching pairs to the front of `touching`; the write is unconditional, so that nothing depends on a guess.
-#[inline(always)]
-fn find_touching(place: &[Row4], ends: &[[u32; 2]], touching: &mut [u32]) -> (usize, bool) {
-    let mut count = 0;
-    let mut deep = false;
-    for (k, &[i, j]) in ends.iter().enumerate() {
-        let (a, b) = (&place[i as usize], &place[j as usize]);
-        let (x, y, z, sum) = (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]);
-        let square = x * x + y * y + z * z;
-        let least = sum - MAX_OVERLAP * (if a[3] < b[3] { a[3] } else { b[3] });
-        touching[count] = k as u32;
-        count += usize::from(square < sum * sum);
-        deep |= square < least * least;
-    }
-    (count, deep)
-}
+impl WithSimd for WallForces<'_> {
+    /// Whether an overlap is beyond [`MAX_OVERLAP`].
+    type Output = bool;
 
-#[inline(always)]
-fn fill_pairs(batch: &mut Rows, grains: &Particles, list: &PairList, chunk: &[u32], tick: u32) {
-    for (l, &k) in chunk.iter().enumerate().take(LANES) {
-        let [i, j] = list.ends[k as usize].map(|end| end as usize);
-        let (a, b) = (&grains.place[i], &grains.place[j]);
-        batch.between[l] = Row4([a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3]]);
-        let (v, w) = (&grains.motion[i], &grains.motion[j]);
-        batch.velocity[l] = Row4([v[0] - w[0], v[1] - w[1], v[2] - w[2], b[3]]);
-        batch.spin_i[l] = grains.spin[i];
-        batch.spin_j[l] = grains.spin[j];
-        batch.constants[l] = list.constants[k as usize];
-        batch.springs[l] = list.history.live(k as usize, tick);
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let kernel = Kernel { simd, transposer: Transposer(simd) };
+        kernel.add_walls(self.grains, self.contacts, self.walls, self.law, self.inherit)
     }
 }
 
-#[inline(always)]
-fn add_row(load: &mut Row8, row: &Row8) {
-    for c in 0..8 {
-        load[c] += row[c];
-    }
+/// The loops for one width of vectors.
+#[derive(Clone, Copy)]
+struct Kernel<S: Simd> {
+    simd: S,
+    transposer: Transposer<S>,
 }
 
-#[inline(always)]
-fn add_pair_loads(batch: &Batch, load: &mut [Row8], ends: &[[u32; 2]], chunk: &[u32]) {
-    for (l, &k) in chunk.iter().enumerate().take(LANES) {
-        let [i, j] = ends[k as usize];
-        add_row(&mut load[i as usize], &batch.load_i(l));
-        add_row(&mut load[j as usize], &batch.load_j(l));
-    }
+/// Contacts of one vector, as far as their places tell.
+struct Touch<S: Simd> {
+    normal: [Lanes<S>; 3],
+    overlap: Lanes<S>,
+    arm_i: Lanes<S>,
+    arm_j: Lanes<S>,
 }
 
-#[inline(always)]
-fn store_springs(batch: &Batch, history: &mut History, chunk: &[u32], tick: u32) {
-    for (l, &k) in chunk.iter().enumerate().take(LANES) {
-        history.springs[k as usize] = batch.springs(l);
-        history.touched[k as usize] = tick;
-    }
-}
+impl<S: Simd> Kernel<S> {
+    /// Vectors per block.
+    const PARTS: usize = WIDTH / S::F64_LANES;
 
-/// Adds the forces of the walls, one loop per wall with its geometry inlined. Tells whether an overlap is too deep.
-#[inline(always)]
-fn add_walls(
-    grains: &mut Particles,
-    list: &mut WallList,
-    walls: &[WallPiece],
-    law: &Coefficients,
-    tick: u32,
-    work: &mut Scratch,
-) -> bool {
-    let mut deep = false;
-    work.inherit.clear();
-    for (w, wall) in walls.iter().enumerate() {
-        let mut pass = WallPass { grains, list, walls, wall: w, law, tick, work };
-        deep |= match wall.surface {
-            Surface::Plane { point, normal } => pass.run(|centre| near_plane(point, normal, centre)),
-            Surface::Rectangle { corner, u, v, size } => pass.run(|centre| near_rectangle(corner, u, v, size, centre)),
-            Surface::Cylinder { axis, radius } => pass.run(|centre| near_cylinder(axis, radius, centre)),
+    /// Lanes of a part whose entry is below `count`, counted from the first of the block.
+    #[inline(always)]
+    fn filled(self, part: usize, count: usize) -> Truths<S> {
+        let lane = Lanes::count(self.simd);
+        lane.less(lane.splat(count as f64 - (part * S::F64_LANES) as f64))
+    }
+
+    /// Adds the forces between grains. Tells whether an overlap is too deep.
+    #[inline(always)]
+    fn add_pairs(self, grains: &mut Particles, list: &mut PairList, law: &Coefficients) -> bool {
+        let count = list.len();
+        let mut deep = false;
+        let (ends, _) = list.ends.as_chunks::<WIDTH>();
+        let Entries { blocks, live, .. } = &mut list.entries;
+        for (b, ((block, live), ends)) in blocks.iter_mut().zip(live).zip(ends).enumerate() {
+            let was_live = std::mem::replace(live, false);
+            for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
+                let filled = self.filled(part, count - b * WIDTH);
+                let (touch, active, too_deep) = self.touch(grains, ends, filled);
+                deep |= too_deep;
+                if active.any() {
+                    let response = self.respond_pairs(grains, ends, &touch, block, part, law);
+                    self.store_springs(&response.springs, active, block, part);
+                    self.add_pair_loads(&response, active, &mut grains.load, ends);
+                    *live = true;
+                } else if was_live {
+                    self.void_springs(block, part);
+                }
+            }
+        }
+        deep
+    }
+
+    /// Normals n = d/|d|, overlaps δ = R_i + R_j - |d| and arms R - δ/2; which pairs touch; whether one is too deep.
+    #[inline(always)]
+    fn touch(self, grains: &Particles, ends: &[[u32; 2]], filled: Truths<S>) -> (Touch<S>, Truths<S>, bool) {
+        let [x, y, z, radius_i] = self.transposer.gather(|l| *grains.place[ends[l][0] as usize]);
+        let [u, v, w, radius_j] = self.transposer.gather(|l| *grains.place[ends[l][1] as usize]);
+        let between = sub([x, y, z], [u, v, w]);
+        let (square, sum) = (dot(between, between), radius_i + radius_j);
+        let active = square.less(sum * sum) & filled;
+        let smaller = Lanes::pick(radius_i.less(radius_j), radius_i, radius_j);
+        let least = sum - sum.splat(MAX_OVERLAP) * smaller;
+        let deep = square.less(least * least) & filled;
+        let distance = square.sqrt();
+        let overlap = sum - distance;
+        let half = overlap.splat(0.5) * overlap;
+        let normal = scale(between, sum.splat(1.0) / distance);
+        (Touch { normal, overlap, arm_i: radius_i - half, arm_j: radius_j - half }, active, deep.any())
+    }
+
+    #[inline(always)]
+    fn respond_pairs(
+        self,
+        grains: &Particles,
+        ends: &[[u32; 2]],
+        touch: &Touch<S>,
+        block: &Block,
+        part: usize,
+        law: &Coefficients,
+    ) -> Response<Lanes<S>> {
+        let [vx, vy, vz, _] = self.transposer.gather(|l| {
+            let (v, w) = (&grains.motion[ends[l][0] as usize], &grains.motion[ends[l][1] as usize]);
+            [v[0] - w[0], v[1] - w[1], v[2] - w[2], v[3] - w[3]]
+        });
+        let [ax, ay, az, _] = self.transposer.gather(|l| *grains.spin[ends[l][0] as usize]);
+        let [bx, by, bz, _] = self.transposer.gather(|l| *grains.spin[ends[l][1] as usize]);
+        let contact = Kinematics {
+            normal: touch.normal,
+            overlap: touch.overlap,
+            velocity: [vx, vy, vz],
+            spin_i: [ax, ay, az],
+            spin_j: [bx, by, bz],
+            arm_i: touch.arm_i,
+            arm_j: touch.arm_j,
         };
+        respond(&contact, &self.constants(block, part), &self.springs(block, part), law)
     }
-    for &[dropped, kept] in &work.inherit {
-        list.history.copy(kept as usize, dropped as usize);
+
+    #[inline(always)]
+    fn constants(self, block: &Block, part: usize) -> Constants<Lanes<S>> {
+        let [damping, rolling_damping, length, sliding_friction, rolling_friction] = &block.constants;
+        Constants {
+            damping: Lanes::load(self.simd, damping, part),
+            rolling_damping: Lanes::load(self.simd, rolling_damping, part),
+            length: Lanes::load(self.simd, length, part),
+            sliding_friction: Lanes::load(self.simd, sliding_friction, part),
+            rolling_friction: Lanes::load(self.simd, rolling_friction, part),
+        }
     }
-    deep
+
+    #[inline(always)]
+    fn springs(self, block: &Block, part: usize) -> Springs<Lanes<S>> {
+        let [a, b, c, d, e, f] = &block.springs;
+        Springs { sliding: self.load([a, b, c], part), rolling: self.load([d, e, f], part) }
+    }
+
+    #[inline(always)]
+    fn load(self, rows: [&Row; 3], part: usize) -> [Lanes<S>; 3] {
+        [
+            Lanes::load(self.simd, rows[0], part),
+            Lanes::load(self.simd, rows[1], part),
+            Lanes::load(self.simd, rows[2], part),
+        ]
+    }
+
+    /// Springs of the lanes that touch; those of the others are void.
+    #[inline(always)]
+    fn store_springs(self, springs: &Springs<Lanes<S>>, active: Truths<S>, block: &mut Block, part: usize) {
+        let zero = Lanes::zero(self.simd);
+        for c in 0..3 {
+            Lanes::pick(active, springs.sliding[c], zero).store(&mut block.springs[c], part);
+            Lanes::pick(active, springs.rolling[c], zero).store(&mut block.springs[c + 3], part);
+        }
+    }
+
+    #[inline(always)]
+    fn void_springs(self, block: &mut Block, part: usize) {
+        for row in &mut block.springs {
+            Lanes::zero(self.simd).store(row, part);
+        }
+    }
+
+    /// Adds zero for the lanes that do not touch, which changes no bit of a load.
+    #[inline(always)]
+    fn add_pair_loads(self, response: &Response<Lanes<S>>, active: Truths<S>, load: &mut [Row8], ends: &[[u32; 2]]) {
+        let force = self.rows(active, response.force);
+        let (torque_i, torque_j) = (self.rows(active, response.torque_i), self.rows(active, response.torque_j));
+        for (l, &[i, j]) in ends.iter().enumerate().take(S::F64_LANES) {
+            let row = &mut load[i as usize];
+            for c in 0..4 {
+                row[c] += force.of(l)[c];
+                row[c + 4] += torque_i.of(l)[c];
+            }
+            let row = &mut load[j as usize];
+            for c in 0..4 {
+                row[c] -= force.of(l)[c];
+                row[c + 4] += torque_j.of(l)[c];
+            }
+        }
+    }
+
+    /// Rows of the lanes that touch, zero for the others.
+    #[inline(always)]
+    fn rows(self, active: Truths<S>, lanes: [Lanes<S>; 3]) -> Rows<S> {
+        self.transposer.rows(pick(active, lanes, [Lanes::zero(self.simd); 3]))
+    }
+
+    /// Adds the forces of the walls, one loop per wall with its geometry inlined. Tells whether an overlap is too deep.
+    #[inline(always)]
+    fn add_walls(
+        self,
+        grains: &mut Particles,
+        list: &mut WallList,
+        walls: &[WallPiece],
+        law: &Coefficients,
+        inherit: &mut Vec<[u32; 2]>,
+    ) -> bool {
+        let mut deep = false;
+        inherit.clear();
+        for (w, wall) in walls.iter().enumerate() {
+            let mut pass = WallPass { kernel: self, grains, list, walls, wall: w, law, inherit };
+            deep |= match wall.surface {
+                Surface::Plane(plane) => pass.run(&plane),
+                Surface::Rectangle(rectangle) => pass.run(&rectangle),
+                Surface::Cylinder(cylinder) => pass.run(&cylinder),
+            };
+        }
+        for &[dropped, kept] in inherit.iter() {
+            list.entries.inherit(kept as usize, dropped as usize);
+        }
+        deep
+    }
 }
 
 /// All contacts with one wall.
-struct WallPass<'a> {
+struct WallPass<'a, S: Simd> {
+    kernel: Kernel<S>,
     grains: &'a mut Particles,
     list: &'a mut WallList,
     walls: &'a [WallPiece],
     wall: usize,
     law: &'a Coefficients,
-    tick: u32,
-    work: &'a mut Scratch,
+    inherit: &'a mut Vec<[u32; 2]>,
 }
 
-impl WallPass<'_> {
+impl<S: Simd> WallPass<'_, S> {
     #[inline(always)]
-    fn run(&mut self, near: impl Fn(Vec3) -> Near) -> bool {
+    fn run(&mut self, surface: &impl Geometry) -> bool {
+        let range = self.list.of_wall(self.wall);
         let mut deep = false;
-        let mut count = 0;
-        for entry in self.list.of_wall(self.wall) {
-            let grain = self.list.grain[entry];
-            let place = self.grains.place[grain as usize];
-            let near = near(xyz(&place));
-            let overlap = place[3] - near.distance;
-            if overlap <= 0.0 || (near.edge && self.drop_edge(entry, grain, xyz(&place), &near)) {
-                continue;
+        for first in range.clone().step_by(WIDTH) {
+            let mut live = false;
+            for part in 0..Kernel::<S>::PARTS {
+                let filled = self.kernel.filled(part, range.end - first);
+                let base = first + part * S::F64_LANES;
+                let (touches, too_deep) = self.part(base, part, filled, surface);
+                live |= touches;
+                deep |= too_deep;
             }
-            deep |= overlap > MAX_OVERLAP * place[3];
-            self.fill(count, entry, place[3], overlap, near.normal);
-            count += 1;
-            if count == LANES {
-                self.flush(count);
-                count = 0;
-            }
+            self.list.entries.live[first / WIDTH] = live;
         }
-        self.flush(count);
         deep
     }
 
-    /// Whether the edge contact is dropped in favour of another piece; then notes whose springs it inherits.
+    /// Evaluates the contacts from entry `base` on; tells whether any touches, and whether one is too deep.
+    #[inline(always)]
+    fn part(&mut self, base: usize, part: usize, filled: Truths<S>, surface: &impl Geometry) -> (bool, bool) {
+        let Kernel { simd, transposer } = self.kernel;
+        let mut grain = [0; WIDTH];
+        grain[..S::F64_LANES].copy_from_slice(&self.list.grain[base..base + S::F64_LANES]);
+        let [x, y, z, radius] = transposer.gather(|l| *self.grains.place[grain[l] as usize]);
+        let near = surface.near([x, y, z]);
+        let overlap = radius - near.distance;
+        let zero = Lanes::zero(simd);
+        let mut active = zero.less(overlap) & filled;
+        if (active & near.edge).any() {
+            active = active & self.keep_edges(base, active & near.edge);
+        }
+        let block = &mut self.list.entries.blocks[base / WIDTH];
+        if !active.any() {
+            if self.list.entries.live[base / WIDTH] {
+                self.kernel.void_springs(block, part);
+            }
+            return (false, false);
+        }
+        let deep = active & (radius.splat(MAX_OVERLAP) * radius).less(overlap);
+        let [vx, vy, vz, _] = transposer.gather(|l| *self.grains.motion[grain[l] as usize]);
+        let [wx, wy, wz, _] = transposer.gather(|l| *self.grains.spin[grain[l] as usize]);
+        let contact = Kinematics {
+            normal: near.normal,
+            overlap,
+            velocity: sub([vx, vy, vz], splat(zero, self.walls[self.wall].velocity)),
+            spin_i: [wx, wy, wz],
+            spin_j: [zero; 3],
+            arm_i: radius - radius.splat(0.5) * overlap,
+            arm_j: zero,
+        };
+        let (constants, springs) = (self.kernel.constants(block, part), self.kernel.springs(block, part));
+        let response = respond(&contact, &constants, &springs, self.law);
+        self.kernel.store_springs(&response.springs, active, block, part);
+        add_loads(&self.kernel, &response, active, &mut self.grains.load, &grain);
+        (true, deep.any())
+    }
+
+    /// Which of the edge contacts are not dropped in favour of another piece; notes whose springs the dropped ones inherit.
     #[cold]
-    fn drop_edge(&mut self, entry: usize, grain: u32, centre: Vec3, near: &Near) -> bool {
-        let Some(kept) = keeper(self.walls, self.wall, centre, near) else { return false };
+    #[inline(never)]
+    fn keep_edges(&mut self, base: usize, edges: Truths<S>) -> Truths<S> {
+        let zero = Lanes::zero(self.kernel.simd);
+        let mut kept = Lanes::pick(edges, zero, zero.splat(1.0)).numbers();
+        for (l, kept) in kept.iter_mut().enumerate().take(S::F64_LANES).filter(|(_, kept)| **kept == 0.0) {
+            let grain = self.list.grain[base + l];
+            *kept = f64::from(u8::from(!self.drops(base + l, grain, xyz(&self.grains.place[grain as usize]))));
+        }
+        zero.less(Lanes::load(self.kernel.simd, &kept, 0))
+    }
+
+    /// Whether the edge contact is dropped; then notes whose springs it inherits.
+    fn drops(&mut self, entry: usize, grain: u32, centre: Vec3) -> bool {
+        let near = self.walls[self.wall].surface.near(centre);
+        let Some(kept) = keeper(self.walls, self.wall, centre, &near) else { return false };
         if let Some(kept) = self.list.find(kept, grain) {
-            self.work.inherit.push([entry as u32, kept as u32]);
+            self.inherit.push([entry as u32, kept as u32]);
         }
         true
     }
+}
 
-    #[inline(always)]
-    fn fill(&mut self, l: usize, entry: usize, radius: f64, overlap: f64, normal: Vec3) {
-        let grain = self.list.grain[entry];
-        self.work.grains[l] = grain;
-        self.work.entries[l] = entry as u32;
-        let (motion, spin) = (&self.grains.motion[grain as usize], self.grains.spin[grain as usize]);
-        let drift = self.walls[self.wall].velocity;
-        let batch = &mut self.work.batch.rows;
-        batch.between[l] = Row4([normal[0], normal[1], normal[2], overlap]);
-        batch.velocity[l] = Row4([motion[0] - drift[0], motion[1] - drift[1], motion[2] - drift[2], radius]);
-        batch.spin_i[l] = spin;
-        batch.spin_j[l] = Row4::default();
-        batch.constants[l] = self.list.constants[entry];
-        batch.springs[l] = self.list.history.live(entry, self.tick);
-    }
-
-    #[inline(always)]
-    fn flush(&mut self, count: usize) {
-        self.work.batch.evaluate_walls(count, self.law);
-        let batch = &self.work.batch;
-        for l in 0..count.min(LANES) {
-            add_row(&mut self.grains.load[self.work.grains[l] as usize], &batch.load_i(l));
+/// Adds force and torque on the grains at a wall.
+#[inline(always)]
+fn add_loads<S: Simd>(
+    kernel: &Kernel<S>,
+    response: &Response<Lanes<S>>,
+    active: Truths<S>,
+    load: &mut [Row8],
+    grain: &[u32],
+) {
+    let (force, torque) = (kernel.rows(active, response.force), kernel.rows(active, response.torque_i));
+    for (l, &i) in grain.iter().enumerate().take(S::F64_LANES) {
+        let row = &mut load[i as usize];
+        for c in 0..4 {
+            row[c] += force.of(l)[c];
+            row[c + 4] += torque.of(l)[c];
         }
-        store_springs(batch, &mut self.list.history, &self.work.entries[..count.min(LANES)], self.tick);
     }
 }

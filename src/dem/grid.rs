@@ -87,8 +87,8 @@ impl Grid {
         (index(2) * self.size[1] + index(1)) * self.size[0] + index(0)
     }
 
-    /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j.
-    pub fn pairs(&self, rows: &[Row4], mut found: impl FnMut(usize, usize)) {
+    /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j; `hits` is work space.
+    pub fn pairs(&self, rows: &[Row4], hits: &mut Vec<u32>, mut found: impl FnMut(usize, usize)) {
         let mut ranges = [(0, 0); 5];
         let mut last = u32::MAX;
         for (i, &cell) in self.sorted.iter().enumerate() {
@@ -97,14 +97,14 @@ impl Grid {
                 last = cell;
             }
             ranges[0].0 = i + 1;
-            let a = &rows[i];
-            for &(from, to) in &ranges {
-                for (j, b) in rows[from..to].iter().enumerate() {
-                    if near(a, b) {
-                        found(i, from + j);
-                    }
-                }
+            let candidates: usize = ranges.iter().map(|(from, to)| to - from).sum();
+            if hits.len() < candidates {
+                hits.resize(candidates, 0);
             }
+            let count = ranges
+                .iter()
+                .fold(0, |count, &(from, to)| count + collect(&rows[i], rows, from, to, &mut hits[count..]));
+            hits[..count].iter().for_each(|&j| found(i, j as usize));
         }
     }
 
@@ -123,6 +123,18 @@ impl Grid {
         };
         [(0, row(0, 0).1), row(1, 0), row(-1, 1), row(0, 1), row(1, 1)]
     }
+}
+
+/// Writes the near ones among `from..to` to the front of `hits` and gives their number. The write is unconditional, so that
+/// nothing depends on a guess.
+#[inline(always)]
+fn collect(a: &Row4, rows: &[Row4], from: usize, to: usize, hits: &mut [u32]) -> usize {
+    let mut count = 0;
+    for (j, b) in rows[from..to].iter().enumerate() {
+        hits[count] = (from + j) as u32;
+        count += usize::from(near(a, b));
+    }
+    count
 }
 
 #[inline(always)]
@@ -146,7 +158,7 @@ mod tests {
         grid.sort(&rows, &vec![true; rows.len()], 0.1);
         rows = grid.order.iter().map(|&k| rows[k as usize]).collect();
         let mut found = Vec::new();
-        grid.pairs(&rows, |i, j| found.push((i, j)));
+        grid.pairs(&rows, &mut Vec::new(), |i, j| found.push((i, j)));
         let all = (0..rows.len()).flat_map(|i| (i + 1..rows.len()).map(move |j| (i, j)));
         let expected: Vec<_> = all.filter(|&(i, j)| near(&rows[i], &rows[j])).collect();
         assert!(expected.len() > 800);

@@ -36,17 +36,20 @@ impl WithSimd for Integration<'_> {
         let rows = place.iter_mut().zip(motion).zip(spin).zip(load).zip(self.bases);
         let mut outrun = false;
         for ((((place, motion), spin), load), base) in rows {
-            let (inverse_mass, inverse_inertia) = (motion[3], spin[3]);
+            // Whole rows are read first and written last, so that the compiler may take each as one vector.
+            let (mut x, mut v, mut w, f, from) = (place.0, motion.0, spin.0, load.0, base.0);
+            let (inverse_mass, inverse_inertia) = (v[3], w[3]);
             let mut moved = [0.0; 4];
             for c in 0..4 {
-                motion[c] += step[c] * (load[c] * inverse_mass + gravity[c]);
-                spin[c] += step[c] * (load[c + 4] * inverse_inertia);
-                place[c] += step[c] * motion[c];
-                moved[c] = place[c] - base[c] - drift[c];
+                v[c] += step[c] * (f[c] * inverse_mass + gravity[c]);
+                w[c] += step[c] * (f[c + 4] * inverse_inertia);
+                x[c] += step[c] * v[c];
+                moved[c] = x[c] - from[c] - drift[c];
             }
+            (place.0, motion.0, spin.0) = (x, v, w);
             *load = Row8::default();
             // Written so that a NaN counts as outrun.
-            let inside = moved[0] * moved[0] + moved[1] * moved[1] + moved[2] * moved[2] <= base[3];
+            let inside = moved[0] * moved[0] + moved[1] * moved[1] + moved[2] * moved[2] <= from[3];
             outrun |= !inside;
         }
         outrun

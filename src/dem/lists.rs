@@ -2,83 +2,134 @@
 //!
 //! Pairs are sorted by (i, j), wall contacts by (wall, grain); forces are added in this order, which fixes the bits.
 //! Springs are stored beside their contact and move with it when the lists are rebuilt and the grains renumbered.
+//! Contacts stand in blocks of [`WIDTH`], one array per number, so that a vector of them is one load; a list is padded to whole
+//! blocks with entries that belong to grain 0 and are never touched.
 
-use super::vector::{Row4, Row8};
+use super::contact::{Constants, Springs};
+use super::lanes::WIDTH;
 
-/// Springs of listed contacts, one entry per contact in every array.
+/// One number of every contact in a block.
+pub type Row = [f64; WIDTH];
+
+/// Numbers of as many contacts as the widest vector holds.
 #[derive(Debug, Clone, Default)]
-pub struct History {
-    /// Sliding spring ξ, 0, rolling spring ξ_r, 0 [m].
-    pub springs: Vec<Row8>,
-    /// Evaluation at which the contact last touched; older than the last one means the springs are void.
-    pub touched: Vec<u32>,
-    /// Whether a liquid bridge exists.
-    pub bridge: Vec<bool>,
+#[repr(C, align(64))]
+pub struct Block {
+    /// Springs: ξ, then ξ_r [m]; zero unless the contact touched in the last evaluation.
+    pub springs: [Row; 6],
+    /// γ_n and γ_r [kg/s], D [m], sliding and rolling friction.
+    pub constants: [Row; 5],
 }
 
-/// What a contact needs besides its ends: γ_n [kg/s], D [m], sliding friction, rolling friction.
-pub type Constants = Row4;
+/// Constants and springs of listed contacts.
+#[derive(Debug, Clone, Default)]
+pub struct Entries {
+    /// The contacts, padded to whole blocks.
+    pub blocks: Vec<Block>,
+    /// Whether a spring of the block may be other than zero.
+    pub live: Vec<bool>,
+    /// Whether a liquid bridge exists, padded likewise.
+    pub bridge: Vec<bool>,
+}
 
 /// Listed pairs of grains.
 #[derive(Debug, Clone, Default)]
 pub struct PairList {
-    /// The two grains, i < j.
+    /// The two grains, i < j, padded to whole blocks.
     pub ends: Vec<[u32; 2]>,
-    /// Constants of the contact.
-    pub constants: Vec<Constants>,
-    /// Springs.
-    pub history: History,
+    /// Constants and springs.
+    pub entries: Entries,
+    /// Number of pairs.
+    len: usize,
     /// First pair of each grain, up to the last grain that has one.
     start: Vec<u32>,
+}
+
+/// All listed pairs, in two lists: vectors of the first are full of contacts, most of the second are left early.
+#[derive(Debug, Clone, Default)]
+pub struct Pairs {
+    /// Pairs that touched at the last rebuild.
+    pub touching: PairList,
+    /// The others.
+    pub apart: PairList,
 }
 
 /// Listed contacts of grains with walls.
 #[derive(Debug, Clone, Default)]
 pub struct WallList {
-    /// The grain.
+    /// The grain; the contacts of every wall are padded to whole blocks.
     pub grain: Vec<u32>,
-    /// Constants of the contact.
-    pub constants: Vec<Constants>,
-    /// Springs.
-    pub history: History,
-    /// Contacts of wall w are `start[w]..start[w + 1]`, in ascending order of grain.
-    pub start: Vec<u32>,
+    /// Constants and springs.
+    pub entries: Entries,
+    /// First contact of each wall and the one after its last.
+    ranges: Vec<[u32; 2]>,
 }
 
-impl History {
+impl Entries {
     fn clear(&mut self) {
-        self.springs.clear();
-        self.touched.clear();
+        self.blocks.clear();
+        self.live.clear();
         self.bridge.clear();
     }
 
-    /// Appends entry `from` of `old`, its sliding spring multiplied by `sign`; or an empty entry.
-    fn push(&mut self, old: &Self, from: Option<usize>, sign: f64) {
-        let Some(k) = from else {
-            self.springs.push(Row8::default());
-            self.touched.push(0);
-            self.bridge.push(false);
+    /// Makes room for entry `k` and its block.
+    fn reach(&mut self, k: usize) {
+        if k == self.bridge.len() {
+            self.blocks.push(Block::default());
+            self.live.push(false);
+            self.bridge.resize(k + WIDTH, false);
+        }
+    }
+
+    /// Writes entry `k`: an older one with its sliding spring multiplied by `sign`, or an untouched one with `fresh` constants.
+    fn put(&mut self, k: usize, older: Option<(&Self, usize)>, sign: f64, fresh: impl FnOnce() -> Constants) {
+        let Some((old, from)) = older else {
+            self.set_constants(k, &fresh());
             return;
         };
-        let mut springs = old.springs[k];
-        springs[..3].iter_mut().for_each(|spring| *spring *= sign);
-        self.springs.push(springs);
-        self.touched.push(old.touched[k]);
-        self.bridge.push(old.bridge[k]);
+        let mut springs = old.springs(from);
+        springs.sliding = springs.sliding.map(|spring| spring * sign);
+        self.set_springs(k, &springs);
+        self.bridge[k] = old.bridge[from];
+        self.live[k / WIDTH] |= old.live[from / WIDTH];
+        let (source, lane) = (&old.blocks[from / WIDTH], from % WIDTH);
+        let target = &mut self.blocks[k / WIDTH];
+        for (row, old) in target.constants.iter_mut().zip(&source.constants) {
+            row[k % WIDTH] = old[lane];
+        }
     }
 
-    /// Springs of entry `k` in evaluation `tick`: void unless the contact touched in the one before.
-    #[inline(always)]
-    pub fn live(&self, k: usize, tick: u32) -> Row8 {
-        // A product, not a branch: the row stays in a register.
-        let keep = if self.touched[k] + 1 == tick { 1.0 } else { 0.0 };
-        Row8(self.springs[k].map(|spring| spring * keep))
+    fn set_constants(&mut self, k: usize, constants: &Constants) {
+        let Constants { damping, rolling_damping, length, sliding_friction, rolling_friction } = *constants;
+        let numbers = [damping, rolling_damping, length, sliding_friction, rolling_friction];
+        for (row, number) in self.blocks[k / WIDTH].constants.iter_mut().zip(numbers) {
+            row[k % WIDTH] = number;
+        }
     }
 
-    /// Entry `to` becomes what entry `from` is.
-    pub fn copy(&mut self, from: usize, to: usize) {
-        self.springs[to] = self.springs[from];
-        self.touched[to] = self.touched[from];
+    /// Springs of entry `k`.
+    pub fn springs(&self, k: usize) -> Springs {
+        let (springs, lane) = (&self.blocks[k / WIDTH].springs, k % WIDTH);
+        Springs { sliding: [0, 1, 2].map(|c| springs[c][lane]), rolling: [3, 4, 5].map(|c| springs[c][lane]) }
+    }
+
+    fn set_springs(&mut self, k: usize, springs: &Springs) {
+        let numbers = springs.sliding.into_iter().chain(springs.rolling);
+        for (row, number) in self.blocks[k / WIDTH].springs.iter_mut().zip(numbers) {
+            row[k % WIDTH] = number;
+        }
+    }
+
+    /// Rolling length of entry `k` [m].
+    pub fn length(&self, k: usize) -> f64 {
+        self.blocks[k / WIDTH].constants[2][k % WIDTH]
+    }
+
+    /// Entry `to` takes springs and bridge of entry `from`.
+    pub fn inherit(&mut self, from: usize, to: usize) {
+        let springs = self.springs(from);
+        self.set_springs(to, &springs);
+        self.live[to / WIDTH] = true;
         self.bridge[to] = self.bridge[from];
     }
 }
@@ -86,70 +137,113 @@ impl History {
 impl PairList {
     /// Number of listed pairs.
     pub fn len(&self) -> usize {
-        self.ends.len()
+        self.len
+    }
+
+    /// The listed pairs.
+    pub fn pairs(&self) -> &[[u32; 2]] {
+        &self.ends[..self.len]
     }
 
     /// Empties the list.
     pub fn clear(&mut self) {
         self.ends.clear();
-        self.constants.clear();
-        self.history.clear();
+        self.entries.clear();
         self.start.clear();
+        self.len = 0;
     }
 
-    /// Appends the pair (i, j), which was (a, b) in the numbering of `old`.
-    ///
-    /// Where the order of the two is reversed the sliding spring changes sign, because it belongs to v_i - v_j; the rolling
-    /// spring does not, because n and ω_i - ω_j both change sign.
-    pub fn push(&mut self, ends: [u32; 2], constants: Constants, old: &Self, [a, b]: [u32; 2]) {
-        let (from, sign) = if a < b { (old.find(a, b), 1.0) } else { (old.find(b, a), -1.0) };
+    /// Appends the pair (i, j), which was `older`; a pair new to the list asks for its constants.
+    fn push(&mut self, ends: [u32; 2], older: Option<(&Entries, usize)>, sign: f64, fresh: impl FnOnce() -> Constants) {
         // `start` is filled as the pairs come: grains without pairs get an empty range.
         while self.start.len() <= ends[0] as usize {
-            self.start.push(self.ends.len() as u32);
+            self.start.push(self.len as u32);
         }
-        self.ends.push(ends);
-        self.constants.push(constants);
-        self.history.push(&old.history, from, sign);
+        self.entries.reach(self.len);
+        self.entries.put(self.len, older, sign, fresh);
+        self.ends.resize(self.entries.bridge.len(), [0; 2]);
+        self.ends[self.len] = ends;
+        self.len += 1;
     }
 
     /// Pairs whose first grain is `i`.
     fn of_grain(&self, i: u32) -> std::ops::Range<usize> {
-        let bound = |k: usize| self.start.get(k).map_or(self.ends.len(), |&first| first as usize);
+        let bound = |k: usize| self.start.get(k).map_or(self.len, |&first| first as usize);
         bound(i as usize)..bound(i as usize + 1)
     }
 
-    fn find(&self, i: u32, j: u32) -> Option<usize> {
-        self.of_grain(i).find(|&k| self.ends[k][1] == j)
+    fn find(&self, i: u32, j: u32) -> Option<(&Entries, usize)> {
+        self.of_grain(i).find(|&k| self.ends[k][1] == j).map(|k| (&self.entries, k))
+    }
+}
+
+impl Pairs {
+    /// Number of listed pairs.
+    pub fn len(&self) -> usize {
+        self.touching.len() + self.apart.len()
+    }
+
+    /// Both lists, in the order in which forces are added.
+    pub fn lists(&self) -> [&PairList; 2] {
+        [&self.touching, &self.apart]
+    }
+
+    /// Empties the lists.
+    pub fn clear(&mut self) {
+        self.touching.clear();
+        self.apart.clear();
+    }
+
+    /// Appends the pair (i, j), which was (a, b) in the numbering of `old`; a pair new to the lists asks for its constants.
+    ///
+    /// Where the order of the two is reversed the sliding spring changes sign, because it belongs to v_i - v_j; the rolling
+    /// spring does not, because n and ω_i - ω_j both change sign. The constants do not either.
+    pub fn push(
+        &mut self,
+        touching: bool,
+        ends: [u32; 2],
+        old: &Self,
+        [a, b]: [u32; 2],
+        fresh: impl FnOnce() -> Constants,
+    ) {
+        let (older, sign) = if a < b { (old.find(a, b), 1.0) } else { (old.find(b, a), -1.0) };
+        let list = if touching { &mut self.touching } else { &mut self.apart };
+        list.push(ends, older, sign, fresh);
+    }
+
+    fn find(&self, i: u32, j: u32) -> Option<(&Entries, usize)> {
+        self.touching.find(i, j).or_else(|| self.apart.find(i, j))
     }
 }
 
 impl WallList {
-    /// Number of listed contacts.
-    pub fn len(&self) -> usize {
-        self.grain.len()
-    }
-
     /// Empties the list.
     pub fn clear(&mut self) {
         self.grain.clear();
-        self.constants.clear();
-        self.history.clear();
-        self.start.clear();
+        self.entries.clear();
+        self.ranges.clear();
     }
 
-    /// Appends a contact, which was entry `from` of `old`.
-    pub fn push(&mut self, grain: u32, constants: Constants, old: &Self, from: Option<usize>) {
-        self.grain.push(grain);
-        self.constants.push(constants);
-        self.history.push(&old.history, from, 1.0);
+    /// Begins the contacts of the next wall.
+    pub fn begin(&mut self) {
+        let first = self.grain.len() as u32;
+        self.ranges.push([first, first]);
     }
 
-    /// Entries of a wall.
+    /// Appends a contact of the wall begun last, which was entry `from` of `old`; a new one asks for its constants.
+    pub fn push(&mut self, grain: u32, old: &Self, from: Option<usize>, fresh: impl FnOnce() -> Constants) {
+        let Some([_, last]) = self.ranges.last_mut() else { return };
+        let k = *last as usize;
+        *last += 1;
+        self.entries.reach(k);
+        self.entries.put(k, from.map(|from| (&old.entries, from)), 1.0, fresh);
+        self.grain.resize(self.entries.bridge.len(), 0);
+        self.grain[k] = grain;
+    }
+
+    /// Entries of a wall; they begin with a block.
     pub fn of_wall(&self, wall: usize) -> std::ops::Range<usize> {
-        match (self.start.get(wall), self.start.get(wall + 1)) {
-            (Some(&first), Some(&last)) => first as usize..last as usize,
-            _ => 0..0,
-        }
+        self.ranges.get(wall).map_or(0..0, |&[first, last]| first as usize..last as usize)
     }
 
     /// Entry of (wall, grain).

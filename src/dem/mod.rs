@@ -17,6 +17,7 @@ mod fill;
 mod forces;
 mod grid;
 mod integrate;
+mod lanes;
 mod lists;
 pub mod material;
 mod observe;
@@ -41,4 +42,4 @@ pub use setup::{
 pub use world::World;
 
 /// Version of the simulated physics; raised with every change that alters the bits of a result. Part of every run's key.
-pub const PHYSICS_VERSION: u32 = 1;
+pub const PHYSICS_VERSION: u32 = 2;

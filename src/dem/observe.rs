@@ -1,9 +1,11 @@
 //! What can be read off a world without changing it: energies, overlaps, coordination number, mass in a region.
 
+use super::contact::Springs;
 use super::outcome::Energies;
+use super::particles::touch;
 use super::setup::{Region, Vec3};
-use super::vector::{Row8, dot, length, sub, xyz};
-use super::walls::keeper;
+use super::vector::{dot, length, scale, sub, xyz};
+use super::walls::{Geometry, keeper};
 use super::world::World;
 
 /// The other side of a contact.
@@ -52,8 +54,7 @@ impl World {
         }
         self.for_each_contact(|_, other, overlap, springs| {
             let law = if matches!(other, Other::Wall(_)) { &self.law.wall } else { &self.law.pair };
-            let [a, b, c, _, d, e, f, _] = springs.0;
-            let (slide, roll) = (a * a + b * b + c * c, d * d + e * e + f * f);
+            let (slide, roll) = (dot(springs.sliding, springs.sliding), dot(springs.rolling, springs.rolling));
             sum.elastic += 0.5 * (law.normal * overlap * overlap + law.sliding * slide + law.rolling * roll);
         });
         sum
@@ -112,7 +113,7 @@ impl World {
     /// All touching contacts, with their springs.
     pub fn contacts(&self) -> Vec<Contact> {
         let mut contacts = Vec::new();
-        self.for_each_contact(|i, other, overlap, &Row8([a, b, c, _, d, e, f, _])| {
+        self.for_each_contact(|i, other, overlap, springs| {
             let id = self.grains.id[i];
             // Seen from the grain inserted first, whatever their order in the arrays.
             let (grain, other, sign) = match other {
@@ -120,8 +121,8 @@ impl World {
                 Other::Grain(j) if id < self.grains.id[j] => (id, Partner::Grain(self.grains.id[j]), 1.0),
                 Other::Grain(j) => (self.grains.id[j], Partner::Grain(id), -1.0),
             };
-            let sliding_spring = [sign * a, sign * b, sign * c];
-            contacts.push(Contact { grain, other, overlap, sliding_spring, rolling_spring: [d, e, f] });
+            let sliding_spring = scale(springs.sliding, sign);
+            contacts.push(Contact { grain, other, overlap, sliding_spring, rolling_spring: springs.rolling });
         });
         contacts
     }
@@ -138,23 +139,26 @@ impl World {
         });
     }
 
-    /// Calls `visit(grain, other, overlap, springs)` for every contact that touched in the last evaluation, in list order.
-    fn for_each_contact(&self, mut visit: impl FnMut(usize, Other, f64, &Row8)) {
-        let history = &self.pairs.history;
-        for (k, &[i, j]) in self.pairs.ends.iter().enumerate().filter(|(k, _)| history.touched[*k] == self.tick) {
-            let (a, b) = (&self.grains.place[i as usize], &self.grains.place[j as usize]);
-            let overlap = a[3] + b[3] - length(sub(xyz(a), xyz(b)));
-            visit(i as usize, Other::Grain(j as usize), overlap, &history.springs[k]);
+    /// Calls `visit(grain, other, overlap, springs)` for every touching contact, in list order.
+    fn for_each_contact(&self, mut visit: impl FnMut(usize, Other, f64, &Springs)) {
+        for list in self.pairs.lists() {
+            for (k, &[i, j]) in list.pairs().iter().enumerate() {
+                let (a, b) = (&self.grains.place[i as usize], &self.grains.place[j as usize]);
+                if touch(a, b) {
+                    let overlap = a[3] + b[3] - length(sub(xyz(a), xyz(b)));
+                    visit(i as usize, Other::Grain(j as usize), overlap, &list.entries.springs(k));
+                }
+            }
         }
-        let history = &self.contacts.history;
         for (w, wall) in self.walls.iter().enumerate() {
-            for k in self.contacts.of_wall(w).filter(|&k| history.touched[k] == self.tick) {
+            for k in self.contacts.of_wall(w) {
                 let grain = self.contacts.grain[k] as usize;
                 let place = &self.grains.place[grain];
                 let near = wall.surface.near(xyz(place));
+                let overlap = place[3] - near.distance;
                 let dropped = near.edge && keeper(&self.walls, w, xyz(place), &near).is_some();
-                if !dropped {
-                    visit(grain, Other::Wall(w), place[3] - near.distance, &history.springs[k]);
+                if overlap > 0.0 && !dropped {
+                    visit(grain, Other::Wall(w), overlap, &self.contacts.entries.springs(k));
                 }
             }
         }

@@ -5,7 +5,7 @@
 
 use super::material::sphere_mass;
 use super::setup::Vec3;
-use super::vector::{Row4, Row8};
+use super::vector::{Row4, Row8, dot, sub, xyz};
 
 /// A grain put into a world by hand or by the insertion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,6 +81,13 @@ impl Particles {
         gather(&mut self.friction, &other.friction, order);
         gather(&mut self.id, &other.id, order);
     }
+}
+
+/// Whether two grains touch, |x_i - x_j|² < (R_i + R_j)², from rows (x, y, z, R).
+#[inline(always)]
+pub fn touch(a: &Row4, b: &Row4) -> bool {
+    let (between, sum) = (sub(xyz(a), xyz(b)), a[3] + b[3]);
+    dot(between, between) < sum * sum
 }
 
 fn gather<T: Copy>(target: &mut Vec<T>, source: &[T], order: &[u32]) {

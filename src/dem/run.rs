@@ -4,7 +4,7 @@
 //! bits on every machine, because nothing here or below depends on thread, clock, platform libm or order of addresses.
 
 use super::fill::fill;
-use super::outcome::{EventRecord, Failure, Outcome, Stop, TracePoint};
+use super::outcome::{Energies, EventRecord, Failure, Outcome, Stop, TracePoint};
 use super::setup::{Action, Event, Setup};
 use super::validate::validate;
 use super::world::World;
@@ -91,8 +91,8 @@ impl<'a> Run<'a> {
     /// Looks at energies, overlaps and the region to be emptied.
     fn look(&mut self) -> Result<Option<Stop>, Failure> {
         self.world.check_finite()?;
+        self.world.sweep()?;
         self.max_overlap = self.max_overlap.max(self.world.max_overlap());
-        let energies = self.world.energies();
         let rule = &self.setup.stop;
         if self.world.time() < rule.check_after || self.records.len() < self.events.len() {
             return Ok(None);
@@ -100,7 +100,8 @@ impl<'a> Run<'a> {
         if self.world.is_empty() || rule.empty.is_some_and(|region| self.world.is_clear(&region)) {
             return Ok(Some(Stop::Empty));
         }
-        let at_rest = rule.energy_ratio.is_some_and(|ratio| energies.translational < ratio * energies.elastic);
+        let rests = |ratio: f64, energies: Energies| energies.translational < ratio * energies.elastic;
+        let at_rest = rule.energy_ratio.is_some_and(|ratio| rests(ratio, self.world.energies()));
         Ok(at_rest.then_some(Stop::EnergyRatio))
     }
 

@@ -10,13 +10,13 @@ use super::vector::{Row4, dot, length, scale, sub, xyz};
 use super::walls::WallPiece;
 
 /// Steps that a skin should last.
-const HORIZON: f64 = 50.0;
+const HORIZON: f64 = 35.0;
 /// Share of the root mean square speed added to every grain's own: a slow grain may be hit by a fast one.
 const SHARE: f64 = 0.3;
 /// Smallest skin over mean radius.
 const FLOOR: f64 = 2e-3;
-/// Largest skin over mean radius: beyond it more frequent rebuilds are cheaper than longer lists.
-const CAP: f64 = 0.4;
+/// Largest skin over mean radius: beyond it more frequent rebuilds are cheaper than longer lists. Flat from 0.5 to 1.
+const CAP: f64 = 0.8;
 
 /// Skins and the places from which displacement counts.
 #[derive(Debug, Clone)]

@@ -1,5 +1,6 @@
-//! Arithmetic on three numbers, always inlined so that the kernels' loops vectorise.
+//! Arithmetic on three numbers, or on three vectors of the machine.
 
+use super::lanes::Number;
 use super::setup::Vec3;
 use std::ops::{Deref, DerefMut};
 
@@ -47,38 +48,56 @@ impl DerefMut for Row8 {
 
 /// a + b.
 #[inline(always)]
-pub fn add(a: Vec3, b: Vec3) -> Vec3 {
+pub fn add<T: Number>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// a - b.
 #[inline(always)]
-pub fn sub(a: Vec3, b: Vec3) -> Vec3 {
+pub fn sub<T: Number>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// s a.
 #[inline(always)]
-pub fn scale(a: Vec3, s: f64) -> Vec3 {
+pub fn scale<T: Number>(a: [T; 3], s: T) -> [T; 3] {
     [a[0] * s, a[1] * s, a[2] * s]
+}
+
+/// -a.
+#[inline(always)]
+pub fn minus<T: Number>(a: [T; 3]) -> [T; 3] {
+    [-a[0], -a[1], -a[2]]
 }
 
 /// a·b.
 #[inline(always)]
-pub fn dot(a: Vec3, b: Vec3) -> f64 {
+pub fn dot<T: Number>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// a × b.
 #[inline(always)]
-pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
+pub fn cross<T: Number>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// |a|.
 #[inline(always)]
-pub fn length(a: Vec3) -> f64 {
+pub fn length<T: Number>(a: [T; 3]) -> T {
     dot(a, a).sqrt()
+}
+
+/// a where the mask holds, else b.
+#[inline(always)]
+pub fn pick<T: Number>(mask: T::Mask, a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [T::pick(mask, a[0], b[0]), T::pick(mask, a[1], b[1]), T::pick(mask, a[2], b[2])]
+}
+
+/// The same vector in every lane of `like`.
+#[inline(always)]
+pub fn splat<T: Number>(like: T, a: Vec3) -> [T; 3] {
+    [like.splat(a[0]), like.splat(a[1]), like.splat(a[2])]
 }
 
 /// The first three numbers of a row.

@@ -8,8 +8,9 @@
 //! corner it has two, as it should. The dropped contact inherits the springs of the kept one, so that nothing is lost
 //! on the way across. Pieces may share edges; they must not overlap with their faces.
 
+use super::lanes::Number;
 use super::setup::{Shape, Vec3, Wall, WallSpecies};
-use super::vector::{add, cross, dot, length, scale, sub};
+use super::vector::{add, cross, dot, length, pick, scale, splat, sub};
 
 /// Two points closer than this are one point [m]: far above rounding of coordinates in metres, far below an overlap.
 const SAME_POINT: f64 = 1e-9;
@@ -29,45 +30,63 @@ pub struct WallPiece {
     pub surface: Surface,
 }
 
-/// A shape prepared for distances: directions are unit vectors.
+/// A shape prepared for distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Surface {
     /// Infinite plane.
-    Plane {
-        /// A point of it [m].
-        point: Vec3,
-        /// Unit normal, towards the grains.
-        normal: Vec3,
-    },
+    Plane(Plane),
     /// Bounded rectangle.
-    Rectangle {
-        /// Corner [m].
-        corner: Vec3,
-        /// Unit direction of the first edge.
-        u: Vec3,
-        /// Unit direction of the second edge.
-        v: Vec3,
-        /// Lengths of the edges [m].
-        size: [f64; 2],
-    },
+    Rectangle(Rectangle),
     /// Inside of a vertical cylinder.
-    Cylinder {
-        /// Axis [m].
-        axis: [f64; 2],
-        /// Radius [m].
-        radius: f64,
-    },
+    Cylinder(Cylinder),
+}
+
+/// Infinite plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// A point of it [m].
+    point: Vec3,
+    /// Unit normal, towards the grains.
+    normal: Vec3,
+}
+
+/// Bounded rectangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rectangle {
+    /// Corner [m].
+    corner: Vec3,
+    /// Unit direction of the first edge.
+    u: Vec3,
+    /// Unit direction of the second edge.
+    v: Vec3,
+    /// Lengths of the edges [m].
+    size: [f64; 2],
+}
+
+/// Inside of a vertical cylinder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cylinder {
+    /// Axis [m].
+    axis: [f64; 2],
+    /// Radius [m].
+    radius: f64,
+}
+
+/// A surface that knows its nearest point, for one centre or a vector of them.
+pub trait Geometry {
+    /// Nearest point as seen from `centre`.
+    fn near<T: Number>(&self, centre: [T; 3]) -> Near<T>;
 }
 
 /// Nearest point of a surface as seen from a grain's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Near {
+pub struct Near<T: Number = f64> {
     /// Distance of the centre, negative behind a plane or outside a cylinder [m].
-    pub distance: f64,
+    pub distance: T,
     /// Unit vector from the surface to the centre.
-    pub normal: Vec3,
+    pub normal: [T; 3],
     /// Whether the nearest point lies on an edge, where another piece may begin.
-    pub edge: bool,
+    pub edge: T::Mask,
 }
 
 impl WallPiece {
@@ -94,30 +113,45 @@ impl Surface {
     /// Prepares a shape.
     pub fn new(shape: &Shape) -> Self {
         match *shape {
-            Shape::Plane { point, normal } => Self::Plane { point, normal: unit(normal) },
+            Shape::Plane { point, normal } => Self::Plane(Plane { point, normal: unit(normal) }),
             Shape::Rectangle { corner, edge_u, edge_v } => {
-                Self::Rectangle { corner, u: unit(edge_u), v: unit(edge_v), size: [length(edge_u), length(edge_v)] }
+                let size = [length(edge_u), length(edge_v)];
+                Self::Rectangle(Rectangle { corner, u: unit(edge_u), v: unit(edge_v), size })
             }
-            Shape::Cylinder { axis, radius } => Self::Cylinder { axis, radius },
+            Shape::Cylinder { axis, radius } => Self::Cylinder(Cylinder { axis, radius }),
         }
     }
 
     /// Moves the surface; a cylinder is endless in z and moves sideways only.
     fn shift(&mut self, by: Vec3) {
         match self {
-            Self::Plane { point, .. } => *point = add(*point, by),
-            Self::Rectangle { corner, .. } => *corner = add(*corner, by),
-            Self::Cylinder { axis, .. } => *axis = [axis[0] + by[0], axis[1] + by[1]],
+            Self::Plane(plane) => plane.point = add(plane.point, by),
+            Self::Rectangle(rectangle) => rectangle.corner = add(rectangle.corner, by),
+            Self::Cylinder(Cylinder { axis, .. }) => *axis = [axis[0] + by[0], axis[1] + by[1]],
         }
     }
 
-    /// Nearest point as seen from `centre`.
-    #[inline]
-    pub fn near(&self, centre: Vec3) -> Near {
-        match *self {
-            Self::Plane { point, normal } => near_plane(point, normal, centre),
-            Self::Rectangle { corner, u, v, size } => near_rectangle(corner, u, v, size, centre),
-            Self::Cylinder { axis, radius } => near_cylinder(axis, radius, centre),
+    /// Whether the straight line from `a` to `b` goes through a rectangle; the far side of the other shapes is refused
+    /// as a contact.
+    pub fn separates(&self, a: Vec3, b: Vec3) -> bool {
+        let Self::Rectangle(Rectangle { corner, u, v, size }) = *self else { return false };
+        let normal = cross(u, v);
+        let (from, to) = (dot(sub(a, corner), normal), dot(sub(b, corner), normal));
+        if from * to >= 0.0 {
+            return false;
+        }
+        let crossing = sub(add(a, scale(sub(b, a), from / (from - to))), corner);
+        (0.0..=size[0]).contains(&dot(crossing, u)) && (0.0..=size[1]).contains(&dot(crossing, v))
+    }
+}
+
+impl Geometry for Surface {
+    #[inline(always)]
+    fn near<T: Number>(&self, centre: [T; 3]) -> Near<T> {
+        match self {
+            Self::Plane(plane) => plane.near(centre),
+            Self::Rectangle(rectangle) => rectangle.near(centre),
+            Self::Cylinder(cylinder) => cylinder.near(centre),
         }
     }
 }
@@ -126,49 +160,60 @@ fn unit(a: Vec3) -> Vec3 {
     scale(a, 1.0 / length(a))
 }
 
-/// Distance s = (x - p)·n.
-#[inline(always)]
-pub fn near_plane(point: Vec3, normal: Vec3, centre: Vec3) -> Near {
-    Near { distance: dot(sub(centre, point), normal), normal, edge: false }
+impl Geometry for Plane {
+    /// Distance s = (x - p)·n.
+    #[inline(always)]
+    fn near<T: Number>(&self, centre: [T; 3]) -> Near<T> {
+        let Self { point, normal } = *self;
+        let like = centre[0];
+        let normal = splat(like, normal);
+        let nowhere = like.less(like);
+        Near { distance: dot(sub(centre, splat(like, point)), normal), normal, edge: nowhere }
+    }
 }
 
-/// Distance to the point `corner + a u + b v` with a, b clamped to the rectangle.
-#[inline(always)]
-pub fn near_rectangle(corner: Vec3, u: Vec3, v: Vec3, size: [f64; 2], centre: Vec3) -> Near {
-    let from = sub(centre, corner);
-    let (a, edge_u) = clamp(dot(from, u), size[0]);
-    let (b, edge_v) = clamp(dot(from, v), size[1]);
-    let gap = sub(sub(from, scale(u, a)), scale(v, b));
-    let distance = length(gap);
-    // A centre exactly on the plate has no direction of its own; the face normal is as good as its opposite.
-    let normal = if distance > 0.0 { scale(gap, 1.0 / distance) } else { cross(u, v) };
-    Near { distance, normal, edge: edge_u || edge_v }
+impl Geometry for Rectangle {
+    /// Distance to the point `corner + a u + b v` with a, b clamped to the rectangle.
+    #[inline(always)]
+    fn near<T: Number>(&self, centre: [T; 3]) -> Near<T> {
+        let Self { corner, u, v, size } = *self;
+        let like = centre[0];
+        let face = splat(like, cross(u, v));
+        let (u, v) = (splat(like, u), splat(like, v));
+        let from = sub(centre, splat(like, corner));
+        let (a, edge_u) = clamp(dot(from, u), size[0]);
+        let (b, edge_v) = clamp(dot(from, v), size[1]);
+        let gap = sub(sub(from, scale(u, a)), scale(v, b));
+        let distance = length(gap);
+        // A centre exactly on the plate has no direction of its own; the face normal is as good as its opposite.
+        let normal = pick(like.splat(0.0).less(distance), scale(gap, like.splat(1.0) / distance), face);
+        Near { distance, normal, edge: edge_u | edge_v }
+    }
 }
 
-/// Distance R - ρ from the inside; the normal points to the axis.
-#[inline(always)]
-pub fn near_cylinder(axis: [f64; 2], radius: f64, centre: Vec3) -> Near {
-    let (x, y) = (centre[0] - axis[0], centre[1] - axis[1]);
-    let rho = (x * x + y * y).sqrt();
-    // On the axis every direction is the same.
-    let inverse = if rho > 0.0 { 1.0 / rho } else { 0.0 };
-    Near { distance: radius - rho, normal: [-x * inverse, -y * inverse, 0.0], edge: false }
+impl Geometry for Cylinder {
+    /// Distance R - ρ from the inside; the normal points to the axis.
+    #[inline(always)]
+    fn near<T: Number>(&self, centre: [T; 3]) -> Near<T> {
+        let Self { axis, radius } = *self;
+        let like = centre[0];
+        let (x, y) = (centre[0] - like.splat(axis[0]), centre[1] - like.splat(axis[1]));
+        let rho = (x * x + y * y).sqrt();
+        let zero = like.splat(0.0);
+        // On the axis every direction is the same.
+        let inverse = T::pick(zero.less(rho), like.splat(1.0) / rho, zero);
+        let nowhere = like.less(like);
+        Near { distance: like.splat(radius) - rho, normal: [-x * inverse, -y * inverse, zero], edge: nowhere }
+    }
 }
 
 /// The nearest value in [0, size], and whether it is on the boundary (within rounding).
 #[inline(always)]
-fn clamp(value: f64, size: f64) -> (f64, bool) {
-    let edge = value <= SAME_POINT || value >= size - SAME_POINT;
-    (
-        if value < 0.0 {
-            0.0
-        } else if value > size {
-            size
-        } else {
-            value
-        },
-        edge,
-    )
+fn clamp<T: Number>(value: T, size: f64) -> (T, T::Mask) {
+    let (zero, size) = (value.splat(0.0), value.splat(size));
+    let point = value.splat(SAME_POINT);
+    let edge = value.at_most(point) | (size - point).at_most(value);
+    (T::pick(value.less(zero), zero, T::pick(size.less(value), size, value)), edge)
 }
 
 /// The wall that a grain really touches where its edge contact with `wall` falls on another piece, if so.
@@ -193,6 +238,18 @@ mod tests {
     fn piece(name: &str, corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> WallPiece {
         let species = WallSpecies { sliding_friction: 0.5, rolling_friction: 1.0 };
         WallPiece::new(&Wall { name: name.to_owned(), shape: Shape::Rectangle { corner, edge_u, edge_v }, species })
+    }
+
+    #[test]
+    fn a_rectangle_separates_what_lies_on_its_two_sides_only() {
+        let incline = Shape::Rectangle { corner: [0.0; 3], edge_u: [1.0, 0.0, 1.0], edge_v: [0.0, 1.0, 0.0] };
+        let surface = Surface::new(&incline);
+        let parted = |x: f64, z: f64| surface.separates([-0.5, 0.5, z], [x, 0.5, z]);
+        assert!(parted(0.6, 0.5) && parted(5.0, 0.99), "under the incline");
+        assert!(
+            !parted(0.4, 0.5) && !parted(5.0, 1.01) && !parted(0.6, -0.01),
+            "above it, over its top, below its foot"
+        );
     }
 
     /// Two coplanar squares that share the edge x = 1, and a wall that rises from it.

@@ -6,31 +6,30 @@
 //! Knows nothing of filling, events or stop rules: see [`super::run`].
 
 use super::bridges::{self, Bridges};
-use super::forces::{Evaluation, MAX_OVERLAP, Scratch};
+use super::contact::{Coefficients, Constants, implicit};
+use super::forces::{MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
 use super::integrate::Integration;
-use super::lists::{PairList, WallList};
+use super::lists::{Pairs, WallList};
 use super::material::{Law, pair_length, time_step};
 use super::outcome::{Failure, State};
-use super::particles::{Grain, Particles};
-use super::setup::{Reference, Region, Setup, Vec3};
+use super::particles::{Grain, Particles, touch};
+use super::setup::{Reference, Region, Setup, Vec3, WallSpecies};
 use super::skin::Skin;
 use super::vector::{Row4, dot, xyz};
-use super::walls::WallPiece;
+use super::walls::{Geometry, WallPiece};
 use pulp::Arch;
 
 /// Grains, walls and contacts at one time.
 #[derive(Debug, Clone)]
 pub struct World {
     pub(super) grains: Particles,
-    pub(super) pairs: PairList,
+    pub(super) pairs: Pairs,
     pub(super) contacts: WallList,
     pub(super) walls: Vec<WallPiece>,
     pub(super) law: Law,
     pub(super) bridges: Option<Bridges>,
     pub(super) gravity: Vec3,
-    /// Number of the last force evaluation; springs touched then are alive.
-    pub(super) tick: u32,
     density: f64,
     domain: Region,
     time_step: f64,
@@ -39,7 +38,7 @@ pub struct World {
     rebuilds: u64,
     skin: Skin,
     spare: Spare,
-    scratch: Scratch,
+    inherit: Vec<[u32; 2]>,
     arch: Arch,
 }
 
@@ -47,12 +46,13 @@ pub struct World {
 #[derive(Debug, Clone, Default)]
 struct Spare {
     grains: Particles,
-    pairs: PairList,
+    pairs: Pairs,
     contacts: WallList,
     grid: Grid,
     keep: Vec<bool>,
     reach: Vec<Row4>,
     entry: Vec<u32>,
+    hits: Vec<u32>,
 }
 
 /// Marks a grain without an entry in the old wall list.
@@ -67,13 +67,12 @@ impl World {
         let time_step = time_step(setup);
         let mut world = Self {
             grains: Particles::default(),
-            pairs: PairList::default(),
+            pairs: Pairs::default(),
             contacts: WallList::default(),
             walls: setup.walls.iter().map(WallPiece::new).collect(),
             law: Law::new(setup, time_step),
             bridges: Bridges::new(setup),
             gravity: setup.gravity,
-            tick: 1,
             density: setup.grains.density,
             domain: setup.domain,
             time_step,
@@ -82,7 +81,7 @@ impl World {
             rebuilds: 0,
             skin: Skin::new(setup.grains.size.mean(), time_step, setup.gravity),
             spare: Spare::default(),
-            scratch: Scratch::new(),
+            inherit: Vec::new(),
             arch: Arch::new(),
         };
         grains.iter().for_each(|grain| world.grains.push(grain, world.density));
@@ -134,7 +133,7 @@ impl World {
         self.grains.len() == 0
     }
 
-    /// Grains that left the domain so far; looked at when lists are rebuilt.
+    /// Grains that left the domain so far; looked at when lists are rebuilt, and in a run with every look at its energies.
     pub fn lost(&self) -> usize {
         self.lost
     }
@@ -202,20 +201,13 @@ impl World {
     }
 
     fn evaluate(&mut self) -> Result<(), Failure> {
-        self.tick += 1;
-        let tick = self.tick;
-        let deep = self.arch.dispatch(Evaluation {
-            grains: &mut self.grains,
-            pairs: &mut self.pairs,
-            contacts: &mut self.contacts,
-            walls: &self.walls,
-            law: &self.law,
-            tick,
-            work: &mut self.scratch,
-        });
+        let Self { grains, pairs, contacts, walls, law, inherit, arch, .. } = self;
+        let deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
+        let deep = deep | arch.dispatch(WallForces { grains, contacts, walls, law: &law.wall, inherit });
         if let Some(law) = &self.bridges {
-            bridges::add_pairs(&mut self.grains, &mut self.pairs, law, tick);
-            bridges::add_walls(&mut self.grains, &mut self.contacts, &self.walls, law, tick);
+            bridges::add_pairs(&mut self.grains, &mut self.pairs.touching, law);
+            bridges::add_pairs(&mut self.grains, &mut self.pairs.apart, law);
+            bridges::add_walls(&mut self.grains, &mut self.contacts, &self.walls, law);
         }
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
     }
@@ -257,6 +249,15 @@ impl World {
         self.rebuild().map(|()| true)
     }
 
+    /// Removes the grains outside the domain, which between rebuilds nobody notices.
+    ///
+    /// # Errors
+    /// [`Failure::NotFinite`] from the rebuild.
+    pub(super) fn sweep(&mut self) -> Result<(), Failure> {
+        let left = self.grains.place.iter().any(|place| !self.domain.contains(xyz(place)));
+        if left { self.rebuild() } else { Ok(()) }
+    }
+
     fn rebuild(&mut self) -> Result<(), Failure> {
         self.spare.keep.clear();
         self.spare.keep.resize(self.len(), true);
@@ -289,21 +290,21 @@ impl World {
         pairs.clear();
         skin.reaches(&grains.place, rupture, &mut spare.reach);
         let order = &spare.grid.order;
-        spare.grid.pairs(&spare.reach, |i, j| {
-            let constants = pair_constants(grains, law, i, j);
-            pairs.push([i as u32, j as u32], constants, &spare.pairs, [order[i], order[j]]);
+        spare.grid.pairs(&spare.reach, &mut spare.hits, |i, j| {
+            let fresh = || pair_constants(grains, law, i, j);
+            let touching = touch(&grains.place[i], &grains.place[j]);
+            pairs.push(touching, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
         });
     }
 
     fn list_walls(&mut self, rupture: f64) {
         std::mem::swap(&mut self.contacts, &mut self.spare.contacts);
         self.contacts.clear();
-        self.contacts.start.push(0);
         for w in 0..self.walls.len() {
+            self.contacts.begin();
             if self.walls[w].active {
                 self.list_wall(w, rupture);
             }
-            self.contacts.start.push(self.contacts.len() as u32);
         }
     }
 
@@ -320,9 +321,8 @@ impl World {
             let limit = place[3] + skin.wall_margin(i) + rupture * size;
             if walls[w].surface.near(xyz(place)).distance < limit {
                 let old = spare.entry[spare.grid.order[i] as usize];
-                let damping = law.wall_damping(grains.mass(i));
-                let constants = Row4([damping, size, species.sliding_friction, species.rolling_friction]);
-                contacts.push(i as u32, constants, &spare.contacts, (old != NONE).then_some(old as usize));
+                let fresh = || wall_constants(grains, law, i, species);
+                contacts.push(i as u32, &spare.contacts, (old != NONE).then_some(old as usize), fresh);
             }
         }
     }
@@ -356,19 +356,40 @@ impl World {
     }
 }
 
-/// γ, D and frictions of a pair. The frictions of two grains mix as harmonic means, as species do in MercuryDPM; where
+/// Constants of a pair. The frictions of two grains mix as harmonic means, as species do in MercuryDPM; where
 /// all grains have factor 1 the law's own numbers come out, bit for bit.
-fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Row4 {
+fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Constants {
     let mix = |kind: usize| {
         let (a, b) = (grains.friction[i][kind], grains.friction[j][kind]);
         2.0 * a * b / (a + b)
     };
-    Row4([
-        law.pair_damping(grains.mass(i), grains.mass(j)),
-        pair_length(grains.place[i][3], grains.place[j][3]),
-        law.sliding_friction * mix(0),
-        law.rolling_friction * mix(1),
-    ])
+    let damping = law.pair_damping(grains.mass(i), grains.mass(j));
+    let length = pair_length(grains.place[i][3], grains.place[j][3]);
+    Constants {
+        damping,
+        rolling_damping: rolling_damping(&law.pair, damping, length, grains.spin[i][3] + grains.spin[j][3]),
+        length,
+        sliding_friction: law.sliding_friction * mix(0),
+        rolling_friction: law.rolling_friction * mix(1),
+    }
+}
+
+/// Constants of a contact with a wall: D = 2R, friction of the wall.
+fn wall_constants(grains: &Particles, law: &Law, i: usize, species: WallSpecies) -> Constants {
+    let damping = law.wall_damping(grains.mass(i));
+    let length = 2.0 * grains.place[i][3];
+    Constants {
+        damping,
+        rolling_damping: rolling_damping(&law.wall, damping, length, grains.spin[i][3]),
+        length,
+        sliding_friction: species.sliding_friction,
+        rolling_friction: species.rolling_friction,
+    }
+}
+
+/// γ_r of a contact, taken at the end of the step, from γ_n, D and the sum of the inverse moments of inertia.
+fn rolling_damping(law: &Coefficients, damping: f64, length: f64, inverse_inertia: f64) -> f64 {
+    implicit(damping * law.rolling_damping_ratio, length * length * inverse_inertia, law.time_step)
 }
 
 #[cfg(test)]

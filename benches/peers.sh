@@ -1,0 +1,90 @@
+#!/usr/bin/env bash
+# The engine beside LIGGGHTS and LAMMPS (Debian's packages): the same spheres, physics and time step, one core.
+#
+#   benches/peers.sh           settles one cloud of 4,200 spheres in every engine and compares the beds; then times all
+#                              engines on one settled bed of 4,200 and one of 12,000 spheres (about 15 minutes)
+#   benches/peers.sh --quick   only times, on 4,200 spheres (about 2 minutes)
+#
+# Rates are particle-steps per second of processor time, best of three rounds in which the engines take turns. The last
+# line is ratio_vs_liggghts=X at 4,200. The physics is in benches/bed.rs and benches/peers/in.*; what was seen, and the
+# conversion of conventions, is in docs/performance.md. BED=program skips the build.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+quick=no
+case "${1:-}" in
+  --quick) quick=yes ;;
+  "") ;;
+  *) sed -n '2,10p' "$0" >&2; exit 2 ;;
+esac
+
+if ! command -v liggghts >/dev/null || ! command -v lmp >/dev/null; then
+  apt-get update -qq && apt-get install -y -qq --no-install-recommends liggghts lammps >&2
+fi
+if [ -z "${BED:-}" ]; then
+  built=$(cd "$here/.." && cargo bench --no-default-features --no-run --bench bed --message-format=json)
+  BED=$(grep -o '"executable":"[^"]*/bed-[^"]*"' <<<"$built" | tail -n 1 | cut -d '"' -f 4)
+fi
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+export OMP_NUM_THREADS=1
+
+# Runs a peer: engine, data file, steps to warm up, steps, dump. What it prints goes to log.ENGINE.
+peer() {
+  local program=$1
+  [ "$1" = lammps ] && program=lmp
+  "$program" -in "$here/peers/in.$1" -var data "$2" -var warm "$3" -var steps "$4" -var out "$5" >"log.$1" 2>&1
+}
+
+# Processor seconds of a peer's run.
+spent() {
+  local TIMEFORMAT=%U
+  { time peer "$@"; } 2>&1
+}
+
+# Prints `N engine rate` of every engine on a settled bed, best of three rounds after a short run to find the springs again.
+rates() {
+  local count=$1 bed=$2 warm=4000 steps=10000 engine round
+  "$BED" convert "$bed" "bed$count"
+  for round in 1 2 3; do
+    echo "ours $("$BED" settle "bed$count/bed.txt" 0.025 "$steps" out.txt | sed -n 's/^rate //p')"
+    for engine in liggghts lammps; do
+      echo "$engine $(spent $engine "bed$count/bed.$engine" $warm 0 dump) $(spent $engine "bed$count/bed.$engine" $warm $steps dump)"
+    done
+  done | awk -v count="$count" -v work="$((count * steps))" '
+    NF == 2 { rate = $2 }
+    NF == 3 { if (!($1 in idle) || $2 < idle[$1]) idle[$1] = $2; if (!($1 in busy) || $3 < busy[$1]) busy[$1] = $3; rate = work / (busy[$1] - idle[$1]) }
+    NF == 3 || rate > best[$1] { best[$1] = rate }
+    END { for (engine in best) printf "rate %d %s %.3e %.2f\n", count, engine, best[engine], best["ours"] / best[engine] }'
+}
+
+# Settles one cloud in every engine and prints what each bed is like.
+compare() {
+  local engine steps=128000
+  "$BED" cloud 4200 cloud4200
+  "$BED" settle cloud4200/bed.txt 0.8 1000 dump.ours >log.ours
+  for engine in liggghts lammps; do
+    peer $engine "cloud4200/bed.$engine" 0 $steps dump.$engine
+  done
+  for engine in ours liggghts lammps; do
+    "$BED" measure dump.$engine | sed "s/^/$engine /"
+    if [ $engine = ours ]; then
+      sed -n 's/^kinetic/ours kinetic/p' log.ours
+    else
+      awk -v engine=$engine '$1 ~ /^[0-9]+$/ && $2 == 4200 && NF == 4 && $1 > 0 && !seen[$1]++ { printf "%s kinetic %.1f %.4e\n", engine, $1 * 6.2515e-6, $4 }' log.$engine
+    fi
+  done
+}
+
+if [ $quick = no ]; then
+  echo "# beds settled from one cloud: density kg/m3, contacts per grain, heights below which 10 to 90 % lie, kinetic energy J at t s"
+  compare
+  "$BED" cloud 12000 cloud12000
+  "$BED" settle cloud12000/bed.txt 1.2 1 bed12000.txt >/dev/null
+fi
+"$BED" cloud 4200 cloud4200
+"$BED" settle cloud4200/bed.txt 0.6 1 bed4200.txt >/dev/null
+echo "# rate N engine particle-steps/CPU-s ours/engine"
+[ $quick = yes ] || rates 12000 bed12000.txt
+rates 4200 bed4200.txt | tee rates.txt
+awk '$3 == "liggghts" { print "ratio_vs_liggghts=" $5 }' rates.txt
