@@ -4,7 +4,7 @@
 //! cloud that every engine settles, and to measure what each of them gives:
 //!
 //! ```text
-//! bed cloud N DIRECTORY                  cloud of N grains as ours, and as data files of LIGGGHTS and LAMMPS
+//! bed cloud N SEED DIRECTORY             cloud of N grains as ours, and as data files of LIGGGHTS and LAMMPS
 //! bed settle FILE SECONDS STEPS OUT      settle a cloud, then time STEPS steps; the bed goes to OUT
 //! bed convert FILE DIRECTORY             a bed as data files of LIGGGHTS and LAMMPS
 //! bed measure FILE                       density, coordination number and heights of `id x y z r` lines
@@ -34,7 +34,7 @@ fn main() {
     let number = |word: &str| word.parse::<f64>().expect("a number");
     match words[..] {
         [] => bench(),
-        ["cloud", count, directory] => write(&cloud(number(count) as usize), directory),
+        ["cloud", count, seed, directory] => write(&cloud(number(count) as usize, number(seed) as u64), directory),
         ["settle", file, seconds, steps, out] => settle(&read(file), number(seconds), number(steps) as u64, out),
         ["convert", file, directory] => write(&read(file), directory),
         ["measure", file] => measure(&read(file)),
@@ -80,10 +80,10 @@ fn setup() -> Setup {
 }
 
 /// Random places without contact, the largest spheres first; a column of cells keeps the search short.
-fn cloud(count: usize) -> Vec<Sphere> {
+fn cloud(count: usize, seed: u64) -> Vec<Sphere> {
     let size = setup().grains.size;
     let (low, high) = (size.smallest(), size.largest());
-    let mut stream = Stream::new(1, "bed");
+    let mut stream = Stream::new(seed, "bed");
     let mut radii: Vec<f64> = Vec::new();
     while radii.len() < count {
         let radius = size.mean() + 1.39e-3 * stream.normal();
@@ -201,7 +201,7 @@ fn rate(world: &mut World, steps: u64) -> f64 {
 }
 
 fn bench() {
-    let mut world = world(&cloud(1000));
+    let mut world = world(&cloud(1000, 1));
     while world.time() < 0.35 {
         world.step().expect("a step");
     }

@@ -58,10 +58,10 @@ rates() {
     END { for (engine in best) printf "rate %d %s %.3e %.2f\n", count, engine, best[engine], best["ours"] / best[engine] }'
 }
 
-# Settles one cloud in every engine and prints what each bed is like.
+# Settles one cloud in every engine and prints what each bed is like; four other clouds of ours show the scatter.
 compare() {
-  local engine steps=128000
-  "$BED" cloud 4200 cloud4200
+  local engine seed steps=128000
+  "$BED" cloud 4200 1 cloud4200
   "$BED" settle cloud4200/bed.txt 0.8 1000 dump.ours >log.ours
   for engine in liggghts lammps; do
     peer $engine "cloud4200/bed.$engine" 0 $steps dump.$engine
@@ -74,15 +74,20 @@ compare() {
       awk -v engine=$engine '$1 ~ /^[0-9]+$/ && $2 == 4200 && NF == 4 && $1 > 0 && !seen[$1]++ { printf "%s kinetic %.1f %.4e\n", engine, $1 * 6.2515e-6, $4 }' log.$engine
     fi
   done
+  for seed in 2 3 4 5; do
+    "$BED" cloud 4200 $seed cloud
+    "$BED" settle cloud/bed.txt 0.8 1 dump >log.ours
+    "$BED" measure dump | sed "s/^/ours_cloud_$seed /"
+  done
 }
 
 if [ $quick = no ]; then
   echo "# beds settled from one cloud: density kg/m3, contacts per grain, heights below which 10 to 90 % lie, kinetic energy J at t s"
   compare
-  "$BED" cloud 12000 cloud12000
+  "$BED" cloud 12000 1 cloud12000
   "$BED" settle cloud12000/bed.txt 1.2 1 bed12000.txt >/dev/null
 fi
-"$BED" cloud 4200 cloud4200
+"$BED" cloud 4200 1 cloud4200
 "$BED" settle cloud4200/bed.txt 0.6 1 bed4200.txt >/dev/null
 echo "# rate N engine particle-steps/CPU-s ours/engine"
 [ $quick = yes ] || rates 12000 bed12000.txt

@@ -2,7 +2,7 @@
 //!
 //! [`Number`] is what they need of either; [`Lanes`] is a vector of the machine as such a number. Every operation is exact per
 //! lane and rounds once, so the bits of a contact depend neither on the width nor on its neighbours in the vector.
-//! A closure or `array::map` over [`Lanes`] is not inlined into code for the machine's own vectors, and costs tenfold: write it out.
+//! A closure or `array::map` over [`Lanes`] is not inlined into code for the machine's own vectors, and costs fivefold: write it out.
 
 use pulp::Simd;
 use pulp::bytemuck::{cast_slice, cast_slice_mut};
