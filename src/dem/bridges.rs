@@ -5,12 +5,14 @@
 //! The strength is given as Bond number at the mean radius, Bo = 2π R̄ γ cosθ / (m̄ g), so F₀ = Bo m̄ g R / R̄.
 //! A term of its own, called once per evaluation on the whole list; the contact law and its friction limit do not know it.
 
+use super::lanes::{Lanes, Mask, Number, Transposer, WIDTH};
 use super::lists::{PairList, WallList};
 use super::material::sphere_mass;
-use super::particles::{Particles, touch};
-use super::setup::{LiquidBridges, Setup, Vec3};
-use super::vector::{Row8, length, scale, sub, xyz};
+use super::particles::Particles;
+use super::setup::{LiquidBridges, Setup};
+use super::vector::{Row8, dot, length, pick, scale, sub, xyz};
 use super::walls::{Geometry, WallPiece, keeper};
+use pulp::{Simd, WithSimd};
 
 /// The law in numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,10 +48,12 @@ impl Bridges {
     }
 
     /// Attraction [N] at a gap [m] for R [m]; a negative gap is an overlap.
-    #[inline]
-    pub fn force(&self, gap: f64, size: f64) -> f64 {
-        let stretch = if gap > 0.0 { gap / size * self.stretch } else { 0.0 };
-        self.force_per_length * size / (1.0 + 1.05 * stretch + 2.5 * stretch * stretch)
+    #[inline(always)]
+    pub fn force<T: Number>(&self, gap: T, size: T) -> T {
+        let zero = gap.splat(0.0);
+        let stretch = T::pick(zero.less(gap), gap / size * zero.splat(self.stretch), zero);
+        let weakening = zero.splat(1.0) + zero.splat(1.05) * stretch + zero.splat(2.5) * stretch * stretch;
+        zero.splat(self.force_per_length) * size / weakening
     }
 
     /// Force of a bridge that exists or forms now; `None` where it breaks.
@@ -58,22 +62,57 @@ impl Bridges {
     }
 }
 
-/// Adds the bridges between grains.
-pub fn add_pairs(grains: &mut Particles, list: &mut PairList, law: &Bridges) {
-    for (k, &[i, j]) in list.ends.iter().enumerate().take(list.len()) {
-        let (a, b) = (&grains.place[i as usize], &grains.place[j as usize]);
-        let touches = touch(a, b);
-        if !touches && !list.entries.bridge[k] {
-            continue;
+/// Bridges between grains, evaluated with the widest vectors of the machine.
+pub struct PairBridges<'a> {
+    /// Grains, whose loads are added to.
+    pub grains: &'a mut Particles,
+    /// Listed pairs.
+    pub list: &'a mut PairList,
+    /// The law.
+    pub law: &'a Bridges,
+}
+
+impl WithSimd for PairBridges<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let blocks = self.list.entries.blocks.len();
+        for (block, part) in (0..blocks).flat_map(|block| (0..WIDTH / S::F64_LANES).map(move |part| (block, part))) {
+            self.add(simd, block, part);
         }
-        let between = sub(xyz(a), xyz(b));
-        let distance = length(between);
-        let pull = law.pull(distance - a[3] - b[3], list.entries.length(k), touches);
-        list.entries.bridge[k] = pull.is_some();
-        if let Some(force) = pull {
-            let force = scale(between, force / distance);
-            add_force(&mut grains.load[i as usize], scale(force, -1.0));
-            add_force(&mut grains.load[j as usize], force);
+    }
+}
+
+impl PairBridges<'_> {
+    /// Adds the bridges of one vector of pairs.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, block: usize, part: usize) {
+        let first = block * WIDTH + part * S::F64_LANES;
+        let ends = &self.list.ends[first..first + S::F64_LANES];
+        let filled = Lanes::filled(simd, part, self.list.len() - block * WIDTH);
+        let (transposer, place) = (Transposer(simd), &self.grains.place);
+        let [x, y, z, radius_i] = transposer.gather(|l| *place[ends[l][0] as usize]);
+        let [u, v, w, radius_j] = transposer.gather(|l| *place[ends[l][1] as usize]);
+        let between = sub([x, y, z], [u, v, w]);
+        let (square, sum, zero) = (dot(between, between), radius_i + radius_j, Lanes::zero(simd));
+        let touches = square.less(sum * sum) & filled;
+        let bridge = &mut self.list.entries.bridge[block];
+        let candidates = touches | zero.less(Lanes::load(simd, bridge, part));
+        if !candidates.any() {
+            return;
+        }
+        let distance = square.sqrt();
+        let gap = distance - radius_i - radius_j;
+        let size = Lanes::load(simd, &self.list.entries.blocks[block].constants[2], part);
+        let exists = candidates & (touches | gap.less(zero.splat(self.law.rupture) * size));
+        Lanes::pick(exists, zero.splat(1.0), zero).store(bridge, part);
+        let force = scale(between, self.law.force(gap, size) / distance);
+        let rows = transposer.rows(pick(exists, force, [zero; 3]));
+        for (l, &[i, j]) in ends.iter().enumerate() {
+            let [x, y, z, _] = *rows.of(l);
+            add_force(&mut self.grains.load[i as usize], [-x, -y, -z, 0.0]);
+            add_force(&mut self.grains.load[j as usize], [x, y, z, 0.0]);
         }
     }
 }
@@ -86,26 +125,29 @@ pub fn add_walls(grains: &mut Particles, list: &mut WallList, walls: &[WallPiece
             let place = grains.place[grain as usize];
             let near = wall.surface.near(xyz(&place));
             let touches = place[3] - near.distance > 0.0;
-            if !touches && !list.entries.bridge[entry] {
+            if !touches && !list.entries.has_bridge(entry) {
                 continue;
             }
             let kept = if near.edge { keeper(walls, w, xyz(&place), &near) } else { None };
             if let Some(kept) = kept.and_then(|kept| list.find(kept, grain)) {
-                list.entries.bridge[entry] = list.entries.bridge[kept];
+                let exists = list.entries.has_bridge(kept);
+                list.entries.set_bridge(entry, exists);
                 continue;
             }
             let pull = law.pull(near.distance - place[3], list.entries.length(entry), touches);
-            list.entries.bridge[entry] = pull.is_some();
+            list.entries.set_bridge(entry, pull.is_some());
             if let Some(force) = pull {
-                add_force(&mut grains.load[grain as usize], scale(near.normal, -force));
+                let [x, y, z] = scale(near.normal, -force);
+                add_force(&mut grains.load[grain as usize], [x, y, z, 0.0]);
             }
         }
     }
 }
 
+/// All four numbers, the last of them zero: a row written in pieces stalls whoever reads it next.
 #[inline(always)]
-fn add_force(load: &mut Row8, force: Vec3) {
-    for c in 0..3 {
+fn add_force(load: &mut Row8, force: [f64; 4]) {
+    for c in 0..4 {
         load[c] += force[c];
     }
 }

@@ -81,13 +81,6 @@ impl<S: Simd> Kernel<S> {
     /// Vectors per block.
     const PARTS: usize = WIDTH / S::F64_LANES;
 
-    /// Lanes of a part whose entry is below `count`, counted from the first of the block.
-    #[inline(always)]
-    fn filled(self, part: usize, count: usize) -> Truths<S> {
-        let lane = Lanes::count(self.simd);
-        lane.less(lane.splat(count as f64 - (part * S::F64_LANES) as f64))
-    }
-
     /// Adds the forces between grains. Tells whether an overlap is too deep.
     #[inline(always)]
     fn add_pairs(self, grains: &mut Particles, list: &mut PairList, law: &Coefficients) -> bool {
@@ -98,7 +91,7 @@ impl<S: Simd> Kernel<S> {
         for (b, ((block, live), ends)) in blocks.iter_mut().zip(live).zip(ends).enumerate() {
             let was_live = std::mem::replace(live, false);
             for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
-                let filled = self.filled(part, count - b * WIDTH);
+                let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
                 let (touch, active, too_deep) = self.touch(grains, ends, filled);
                 deep |= too_deep;
                 if active.any() {
@@ -275,7 +268,7 @@ impl<S: Simd> WallPass<'_, S> {
         for first in range.clone().step_by(WIDTH) {
             let mut live = false;
             for part in 0..Kernel::<S>::PARTS {
-                let filled = self.kernel.filled(part, range.end - first);
+                let filled = Lanes::filled(self.kernel.simd, part, range.end - first);
                 let base = first + part * S::F64_LANES;
                 let (touches, too_deep) = self.part(base, part, filled, surface);
                 live |= touches;

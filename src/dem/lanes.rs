@@ -128,11 +128,12 @@ impl<S: Simd> Lanes<S> {
         Self(simd, simd.splat_f64s(0.0))
     }
 
-    /// 0, 1, 2 and so on, the number of the lane.
+    /// Which lanes of part `part` belong to the first `count` entries of a block.
     #[inline(always)]
-    pub fn count(simd: S) -> Self {
+    pub fn filled(simd: S, part: usize, count: usize) -> Truths<S> {
         const COUNT: [f64; WIDTH] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-        Self::load(simd, &COUNT, 0)
+        let lane = Self::load(simd, &COUNT, 0);
+        lane.less(lane.splat(count as f64 - (part * S::F64_LANES) as f64))
     }
 
     /// Part `part` of a block.

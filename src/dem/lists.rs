@@ -28,8 +28,8 @@ pub struct Entries {
     pub blocks: Vec<Block>,
     /// Whether a spring of the block may be other than zero.
     pub live: Vec<bool>,
-    /// Whether a liquid bridge exists, padded likewise.
-    pub bridge: Vec<bool>,
+    /// 1 where a liquid bridge exists, else 0; one row per block.
+    pub bridge: Vec<Row>,
 }
 
 /// Listed pairs of grains.
@@ -72,12 +72,17 @@ impl Entries {
         self.bridge.clear();
     }
 
+    /// Number of entries with the padding.
+    fn capacity(&self) -> usize {
+        self.blocks.len() * WIDTH
+    }
+
     /// Makes room for entry `k` and its block.
     fn reach(&mut self, k: usize) {
-        if k == self.bridge.len() {
+        if k == self.capacity() {
             self.blocks.push(Block::default());
             self.live.push(false);
-            self.bridge.resize(k + WIDTH, false);
+            self.bridge.push(Row::default());
         }
     }
 
@@ -90,7 +95,7 @@ impl Entries {
         let mut springs = old.springs(from);
         springs.sliding = springs.sliding.map(|spring| spring * sign);
         self.set_springs(k, &springs);
-        self.bridge[k] = old.bridge[from];
+        self.set_bridge(k, old.has_bridge(from));
         self.live[k / WIDTH] |= old.live[from / WIDTH];
         let (source, lane) = (&old.blocks[from / WIDTH], from % WIDTH);
         let target = &mut self.blocks[k / WIDTH];
@@ -125,12 +130,22 @@ impl Entries {
         self.blocks[k / WIDTH].constants[2][k % WIDTH]
     }
 
+    /// Whether entry `k` has a liquid bridge.
+    pub fn has_bridge(&self, k: usize) -> bool {
+        self.bridge[k / WIDTH][k % WIDTH] > 0.0
+    }
+
+    /// Makes or breaks the liquid bridge of entry `k`.
+    pub fn set_bridge(&mut self, k: usize, exists: bool) {
+        self.bridge[k / WIDTH][k % WIDTH] = f64::from(u8::from(exists));
+    }
+
     /// Entry `to` takes springs and bridge of entry `from`.
     pub fn inherit(&mut self, from: usize, to: usize) {
         let springs = self.springs(from);
         self.set_springs(to, &springs);
         self.live[to / WIDTH] = true;
-        self.bridge[to] = self.bridge[from];
+        self.set_bridge(to, self.has_bridge(from));
     }
 }
 
@@ -161,7 +176,7 @@ impl PairList {
         }
         self.entries.reach(self.len);
         self.entries.put(self.len, older, sign, fresh);
-        self.ends.resize(self.entries.bridge.len(), [0; 2]);
+        self.ends.resize(self.entries.capacity(), [0; 2]);
         self.ends[self.len] = ends;
         self.len += 1;
     }
@@ -237,7 +252,7 @@ impl WallList {
         *last += 1;
         self.entries.reach(k);
         self.entries.put(k, from.map(|from| (&old.entries, from)), 1.0, fresh);
-        self.grain.resize(self.entries.bridge.len(), 0);
+        self.grain.resize(self.entries.capacity(), 0);
         self.grain[k] = grain;
     }
 

@@ -5,7 +5,7 @@
 //! the half-step velocity, as in MercuryDPM. Nothing is allocated in a step once the lists have seen their largest size.
 //! Knows nothing of filling, events or stop rules: see [`super::run`].
 
-use super::bridges::{self, Bridges};
+use super::bridges::{self, Bridges, PairBridges};
 use super::contact::{Coefficients, Constants, implicit};
 use super::forces::{MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
@@ -205,8 +205,9 @@ impl World {
         let deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
         let deep = deep | arch.dispatch(WallForces { grains, contacts, walls, law: &law.wall, inherit });
         if let Some(law) = &self.bridges {
-            bridges::add_pairs(&mut self.grains, &mut self.pairs.touching, law);
-            bridges::add_pairs(&mut self.grains, &mut self.pairs.apart, law);
+            for list in [&mut self.pairs.touching, &mut self.pairs.apart] {
+                self.arch.dispatch(PairBridges { grains: &mut self.grains, list, law });
+            }
             bridges::add_walls(&mut self.grains, &mut self.contacts, &self.walls, law);
         }
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
