@@ -88,6 +88,11 @@ impl Experiment for Pile {
     }
 
     fn measure(&self, settings: &Settings, state: &State, trace: &[TracePoint]) -> Vec<Measurement> {
+        let names = OBSERVABLES.iter().map(|observable| observable.name);
+        let arch = arch_mass(settings, state);
+        if arch > 0.0 {
+            return names.map(|name| (name, Err(Reason::Arched { mass: arch }))).collect();
+        }
         let view = View::new(settings, settings["pile.depth"], scale(settings));
         let picture = view.picture(state);
         let heap = Heap { settings, view, grains: below_slot(settings, &picture) };
@@ -103,7 +108,7 @@ impl Experiment for Pile {
             heap.spread(),
             heap.apex_height(),
         ];
-        OBSERVABLES.iter().map(|observable| observable.name).zip(values).collect()
+        names.zip(values).collect()
     }
 }
 
@@ -146,6 +151,13 @@ fn below_slot(settings: &Settings, picture: &[Grain]) -> Vec<Grain> {
 fn shelf_mass(settings: &Settings, state: &State) -> f64 {
     let kept = (0..state.len()).filter(|i| state.z[*i] >= settings["pile.drop_height"]);
     kept.map(|i| build::mass(settings, state.radius[i])).sum()
+}
+
+/// Mass at rest over the middle half of the slot, where only an arch can hold it: a heap on a shelf ends at its edge.
+fn arch_mass(settings: &Settings, state: &State) -> f64 {
+    let reach = 0.25 * settings["pile.slot"];
+    let held = |i: &usize| state.z[*i] >= settings["pile.drop_height"] && state.x[*i].abs() < reach;
+    (0..state.len()).filter(held).map(|i| build::mass(settings, state.radius[i])).sum()
 }
 
 fn discharge(settings: &Settings, trace: &[TracePoint]) -> Result<Discharge, Reason> {

@@ -42,6 +42,12 @@ pub enum Reason {
         /// Discharged share of the mass at release.
         share: f64,
     },
+    /// An arch of grains stands over the opening, so the material did not flow out freely.
+    #[error("an arch of {mass} kg stands over the slot; widen the slot or use finer grains")]
+    Arched {
+        /// Mass over the middle of the slot [kg].
+        mass: f64,
+    },
     /// The trace has too few samples in the steady part.
     #[error("only {samples} samples of mass lie in the steady flow, {needed} are needed; shorten the trace interval")]
     NoSteadyFlow {
@@ -65,6 +71,7 @@ impl Reason {
             Self::EmptyWindow { .. } => "empty_window",
             Self::SlopeReachesWall { .. } => "slope_reaches_wall",
             Self::Clogged { .. } => "clogged",
+            Self::Arched { .. } => "arched",
             Self::NoSteadyFlow { .. } => "no_steady_flow",
             Self::NoTrace => "no_trace",
         }

@@ -106,6 +106,19 @@ fn a_rolled_camera_splits_left_from_right_by_twice_the_roll() {
 }
 
 #[test]
+fn an_arch_over_the_slot_is_no_pile_test() {
+    let mut state = heap(26.0, 26.0);
+    assert!(value(&measure("pile", &Settings::default(), &state, &[]), "angle_of_repose").is_ok());
+    let (drop, slot) = (Settings::default()["pile.drop_height"], Settings::default()["pile.slot"]);
+    push(&mut state, 0.6 * slot, 0.05, drop + 0.01, 5e-3);
+    assert!(value(&measure("pile", &Settings::default(), &state, &[]), "angle_of_repose").is_ok(), "on a shelf");
+    push(&mut state, 0.1 * slot, 0.05, drop + 0.01, 5e-3);
+    for (name, value) in measure("pile", &Settings::default(), &state, &[]) {
+        assert_eq!(value.map_err(|reason| reason.code()), Err("arched"), "{name}");
+    }
+}
+
+#[test]
 fn the_pile_weighs_its_shelves_and_times_its_discharge() {
     let mut state = heap(26.0, 26.0);
     (0..3).for_each(|i| push(&mut state, 0.08, 0.01 * f64::from(i), 0.45, 5e-3));

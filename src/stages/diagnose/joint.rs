@@ -40,6 +40,8 @@ pub struct Contender {
     effect: &'static dyn Effect,
     /// Metamodels over parameters and strength, or why there are none.
     surface: Result<Surface, String>,
+    /// −2 ln likelihood at the optimum of the metamodels, up to a constant.
+    misfit: Option<f64>,
     tie: Option<Tie>,
     was_run: bool,
 }
@@ -70,7 +72,15 @@ impl Contender {
     pub fn new(case: &Case, models: &Models, anchors: &Anchors, name: &str) -> Result<Self, StageError> {
         let effect = effects::find(name).map_err(CampaignError::from)?;
         let surface = Surface::joint(case.context, models, anchors, (name, effect.range()), &case.evidence.statistics);
-        Ok(Self { effect, surface, tie: None, was_run: false })
+        let mut contender = Self { effect, surface, misfit: None, tie: None, was_run: false };
+        contender.misfit = match &contender.surface {
+            Ok(surface) => {
+                let (fit, covariance) = contender.untied(case, surface)?;
+                covariance.cholesky().map(|factor| fit.chi2 + 2.0 * factor.l().diagonal().map(libm::log).sum())
+            }
+            Err(_) => None,
+        };
+        Ok(contender)
     }
 
     /// Name of the effect.
@@ -81,6 +91,11 @@ impl Contender {
     /// Unit of the strength.
     pub fn unit(&self) -> &'static str {
         self.effect.unit()
+    }
+
+    /// How badly the metamodels fit with this effect, −2 ln likelihood up to a constant; none without metamodels.
+    pub fn misfit(&self) -> Option<f64> {
+        self.misfit
     }
 
     /// Whether direct runs were asked for.
@@ -129,17 +144,9 @@ impl Contender {
     /// The joint optimum over the model as it stands; `None` without a model.
     pub fn fit(&self, case: &Case) -> Result<Option<JointFit>, StageError> {
         let Ok(surface) = &self.surface else { return Ok(None) };
-        let best = |offset: &DVector<f64>, covariance: &DMatrix<f64>, starts: &[Vec<f64>]| {
-            fit::best(surface, offset, &case.evidence, covariance, starts, |start| self.parameters(case, start))
-        };
         let fit = match &self.tie {
-            Some(tie) => best(&tie.offset, &tie.covariance, &[tie.x.as_slice().to_vec()])?,
-            None => {
-                let offset = self.plain_offset(case, surface);
-                let first = best(&offset, &case.covariance(), &self.starts(case))?;
-                let wider = case.covariance() + surface.uncertainty(&first.parameters, &case.correlation());
-                best(&offset, &wider, &[first.parameters.as_slice().to_vec()])?
-            }
+            Some(tie) => self.best(case, surface, (&tie.offset, &tie.covariance), &[tie.x.as_slice().to_vec()])?,
+            None => self.untied(case, surface)?.0,
         };
         let (p, range) = (case.optimum.len(), self.effect.range());
         let (u, strength) = (fit.parameters.rows(0, p).into_owned(), strength_at(range, fit.parameters[p]));
@@ -147,15 +154,32 @@ impl Contender {
         Ok(Some(JointFit { fit, u, strength, strength_sd }))
     }
 
-    /// The optimum of the plain model with a few strengths on either side of zero.
+    /// The optimum of the metamodels, whose error is taken at the optimum of a first pass, and the covariance behind it.
+    fn untied(&self, case: &Case, surface: &Surface) -> Result<(GlsFit, DMatrix<f64>), StageError> {
+        let offset = self.plain_offset(case, surface);
+        let first = self.best(case, surface, (&offset, &case.covariance()), &self.starts(case))?;
+        let wider = case.covariance() + surface.uncertainty(&first.parameters, &case.correlation());
+        let fit = self.best(case, surface, (&offset, &wider), &[first.parameters.as_slice().to_vec()])?;
+        Ok((fit, wider))
+    }
+
+    fn best(
+        &self,
+        case: &Case,
+        surface: &Surface,
+        (offset, covariance): (&DVector<f64>, &DMatrix<f64>),
+        starts: &[Vec<f64>],
+    ) -> Result<GlsFit, StageError> {
+        fit::best(surface, offset, &case.evidence, covariance, starts, |start| self.parameters(case, start))
+    }
+
+    /// The optimum of the plain model and the centre, with a few strengths on either side of zero.
     fn starts(&self, case: &Case) -> Vec<Vec<f64>> {
         let range = self.effect.range();
-        let start = |strength: f64| {
-            let mut x = case.optimum.as_slice().to_vec();
-            x.push(place_of(range, strength));
-            x
-        };
-        self.nodes(&[0.1, 0.4, 0.8]).into_iter().map(start).collect()
+        let from = |u: &[f64], strength: f64| [u, &[place_of(range, strength)]].concat();
+        let centre = vec![0.5; case.optimum.len()];
+        let nodes = self.nodes(&[0.1, 0.4, 0.8]);
+        nodes.into_iter().flat_map(|node| [from(case.optimum.as_slice(), node), from(&centre, node)]).collect()
     }
 
     /// Strengths at given shares of both ends of the range, ascending.
@@ -194,6 +218,11 @@ impl Contender {
             shift: DVector::zeros(p),
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
         };
+        if self.was_run && !self.is_tied() {
+            candidate.testable =
+                Err("the best fit with it has no strength, or its runs could not be measured".to_owned());
+            return Ok(candidate);
+        }
         if let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) {
             let path = Path { contender: self, case, surface, plain: self.plain_offset(case, surface) };
             candidate.signatures = path.signatures(&found)?;

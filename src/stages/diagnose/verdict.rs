@@ -12,16 +12,11 @@ use super::{Tables, rows};
 use crate::config::{Accept, Measured, Resolution};
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
-use crate::stats::attribution::{
-    Attribution, Candidate, EffectReport, GlsFit, Options, Problem, Row, RowKind, Status, Verdict, attribute,
-};
+use crate::stats::attribution::{Attribution, Candidate, GlsFit, Options, Problem, Row, RowKind, Verdict, attribute};
 use nalgebra::{DMatrix, DVector};
 
 /// How many candidates must stand on direct runs before there is a verdict.
-const LEADERS: usize = 2;
-
-/// Standard errors that a strength must exceed for its candidate to be run directly.
-const SIGNIFICANT: f64 = 3.0;
+const LEADERS: usize = 3;
 
 /// Everything known of one data set before its attribution.
 pub struct Case<'a> {
@@ -269,16 +264,15 @@ fn next_leader<'a>(
     if case.attributable().is_err() || attribution.t0_p > options(case).adequacy_level {
         return None;
     }
+    let named = attribution.verdict.names();
     let forced = |name: &str| case.context.config.effects.accept == Accept::Effect(name.to_owned());
-    let significant = |effect: &&EffectReport| effect.strength.abs() > SIGNIFICANT * effect.strength_sd;
-    let mut effects: Vec<&EffectReport> = attribution
-        .effects
-        .iter()
-        .filter(|effect| (effect.status == Status::Testable && significant(effect)) || forced(&effect.name))
-        .collect();
-    effects.sort_by(|a, b| b.ln_bayes.total_cmp(&a.ln_bayes));
-    let untied = |name: &str| contenders.iter().position(|c| c.name() == name && !c.was_run());
-    let next = effects.into_iter().take(LEADERS).find_map(|effect| untied(&effect.name))?;
+    let wanted = |c: &Contender| named.contains(&c.name()) || forced(c.name());
+    let mut ranked: Vec<(f64, usize)> =
+        contenders.iter().enumerate().filter_map(|(i, c)| Some((c.misfit()?, i))).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let likeliest = ranked.into_iter().take(LEADERS).map(|(_, i)| i);
+    let all = contenders.iter().enumerate().filter(|(_, c)| wanted(c)).map(|(i, _)| i).chain(likeliest);
+    let next = all.collect::<Vec<_>>().into_iter().find(|i| !contenders[*i].was_run())?;
     contenders.get_mut(next)
 }
 
