@@ -155,17 +155,13 @@ impl<'a> Models<'a> {
 
     /// The metamodel of a KPI; `None` where training failed, and `metamodels` says why.
     pub fn restore(&self, kpi: &str, kind: Kind, n: u32) -> Option<Metamodel> {
-        self.restore_with(kpi, kind, n, None)
+        Metamodel::restore(&self.records(kpi, kind, n)?, &self.design(kpi, n)).ok()
     }
 
-    /// The same metamodel, its hyperparameters kept, with `more` observations of other points to predict from.
-    pub fn restore_with(&self, kpi: &str, kind: Kind, n: u32, more: Option<&Observations>) -> Option<Metamodel> {
+    /// What training found for a KPI.
+    pub fn records(&self, kpi: &str, kind: Kind, n: u32) -> Option<Vec<PartRecord>> {
         let rows = self.hyperparameters.get(&(kpi.to_owned(), kind.name().to_owned(), n))?;
-        let records: Vec<PartRecord> =
-            [Role::Mean, Role::Scatter].iter().filter_map(|role| self.record(kind, *role, rows)).collect();
-        let design = self.design(kpi, n);
-        let observations = more.map_or_else(|| design.clone(), |more| design.joined(more));
-        Metamodel::restore(&records, &observations).ok()
+        Some([Role::Mean, Role::Scatter].iter().filter_map(|role| self.record(kind, *role, rows)).collect())
     }
 
     fn record(&self, kind: Kind, role: Role, rows: &[HyperparameterRow]) -> Option<PartRecord> {

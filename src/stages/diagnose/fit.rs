@@ -1,8 +1,8 @@
 //! Fits of all statistics at once, weighed by what is known of them.
 //!
 //! A [`Surface`] predicts every statistic of the evidence from metamodels, over the parameters alone or over the
-//! parameters and the strength of one effect; an offset ties it to direct DEM runs near the optimum. Coordinates are
-//! those of the unit cube: parameters between their bounds, a strength in its physical range.
+//! parameters and the strength of one effect; direct DEM runs near an optimum join what it predicts from. Coordinates
+//! are those of the unit cube: parameters between their bounds, a strength in its physical range.
 
 use super::anchors::{Anchors, place_of};
 use super::evidence::Evidence;
@@ -20,6 +20,8 @@ use rayon::prelude::*;
 /// Metamodels of every statistic of the evidence.
 pub struct Surface {
     models: Vec<Metamodel>,
+    /// A statistic of every observable, in the order of the metamodels, and what the metamodels predict from.
+    observables: Vec<(Statistic, Observations)>,
     /// Index of the metamodel of every statistic, and its moment.
     rows: Vec<(usize, Moment)>,
 }
@@ -39,7 +41,8 @@ impl Surface {
         let (kind, n) = (kind(context.config.diagnose.kind), context.config.study.repetitions);
         let p = context.config.parameters.len();
         Self::of(statistics, |statistic| {
-            models.restore_with(&statistic.kpi, kind, n, Some(&at_centre(centre, statistic, &vec![0.5; p])))
+            let observations = models.design(&statistic.kpi, n).joined(&at(centre, statistic, &vec![0.5; p]));
+            Some((Metamodel::restore(&models.records(&statistic.kpi, kind, n)?, &observations).ok()?, observations))
         })
     }
 
@@ -59,15 +62,19 @@ impl Surface {
         centre.push(place_of(range, 0.0));
         let train = |statistic: &Statistic| {
             let design = with_place(models.design(&statistic.kpi, n), place_of(range, 0.0));
-            let plain = design.joined(&at_centre(anchors.centre(), statistic, &centre));
-            Metamodel::fit(kind, &plain.joined(&anchors.observations(effect, statistic)?), &options).ok()
+            let plain = design.joined(&at(anchors.centre(), statistic, &centre));
+            let observations = plain.joined(&anchors.observations(effect, statistic)?);
+            Some((Metamodel::fit(kind, &observations, &options).ok()?, observations))
         };
         Self::of(statistics, train)
             .ok_or_else(|| format!("an observable allows no metamodel over the parameters and {effect}"))
     }
 
     /// One metamodel per observable, trained in parallel.
-    fn of(statistics: &[Statistic], train: impl Fn(&Statistic) -> Option<Metamodel> + Sync) -> Option<Self> {
+    fn of(
+        statistics: &[Statistic],
+        train: impl Fn(&Statistic) -> Option<(Metamodel, Observations)> + Sync,
+    ) -> Option<Self> {
         let mut observables: Vec<&Statistic> = Vec::new();
         for statistic in statistics {
             if !observables.iter().any(|known| known.kpi == statistic.kpi) {
@@ -76,8 +83,30 @@ impl Surface {
         }
         let place = |statistic: &Statistic| observables.iter().position(|known| known.kpi == statistic.kpi);
         let rows = statistics.iter().map(|s| Some((place(s)?, s.moment))).collect::<Option<_>>()?;
-        let models: Vec<Option<Metamodel>> = observables.par_iter().map(|statistic| train(statistic)).collect();
-        Some(Self { models: models.into_iter().collect::<Option<_>>()?, rows })
+        let trained: Vec<Option<(Metamodel, Observations)>> = observables.par_iter().map(|s| train(s)).collect();
+        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows };
+        for (statistic, trained) in observables.into_iter().zip(trained) {
+            let (model, observations) = trained?;
+            surface.models.push(model);
+            surface.observables.push((statistic.clone(), observations));
+        }
+        Some(surface)
+    }
+
+    /// The same metamodels, hyperparameters kept, which also know the direct runs `batch` at `x`; `None` where an
+    /// observable could not be measured there.
+    pub fn knowing(&self, batch: &Batch, x: &DVector<f64>) -> Option<Self> {
+        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows: self.rows.clone() };
+        for (model, (statistic, observations)) in self.models.iter().zip(&self.observables) {
+            let more = at(batch, statistic, x.as_slice());
+            if more.counts[0] == 0 {
+                return None;
+            }
+            let observations = observations.joined(&more);
+            surface.models.push(Metamodel::restore(&model.records(), &observations).ok()?);
+            surface.observables.push((statistic.clone(), observations));
+        }
+        Some(surface)
     }
 
     /// f(x) and its slopes for all statistics, shapes (m) and (m × dimension).
@@ -118,7 +147,7 @@ fn scaled(correlation: &DMatrix<f64>, sd: &[f64]) -> DMatrix<f64> {
 }
 
 /// What the runs at one point say of a statistic's observable.
-fn at_centre(batch: &Batch, statistic: &Statistic, x: &[f64]) -> Observations {
+fn at(batch: &Batch, statistic: &Statistic, x: &[f64]) -> Observations {
     let values: Vec<f64> = batch.series(statistic).map(|s| s.values().copied().collect()).unwrap_or_default();
     let usable = values.len() >= 2;
     let mut points = Points::empty(x.len());
@@ -172,22 +201,17 @@ pub fn starts(p: usize) -> Vec<Vec<f64>> {
     std::iter::once(vec![0.5; p]).chain((0..corners).map(corner)).collect()
 }
 
-/// The best fit of `surface` + `offset` from several starts; `parameters` makes the parameters that start at a point.
+/// The best fit of `surface` from several starts; `parameters` makes the parameters that start at a point.
 pub fn best(
     surface: &Surface,
-    offset: &DVector<f64>,
     evidence: &Evidence,
     covariance: &DMatrix<f64>,
     starts: &[Vec<f64>],
     parameters: impl Fn(&[f64]) -> Vec<Parameter>,
 ) -> Result<GlsFit, StageError> {
-    let model = |x: &DVector<f64>| {
-        let (values, slopes) = surface.predict(x);
-        (values + offset, slopes)
-    };
     let mut best: Option<GlsFit> = None;
     for start in starts {
-        let fit = gls(model, &evidence.values, covariance, &parameters(start))?;
+        let fit = gls(|x| surface.predict(x), &evidence.values, covariance, &parameters(start))?;
         if best.as_ref().is_none_or(|best| fit.chi2 < best.chi2) {
             best = Some(fit);
         }

@@ -1,7 +1,7 @@
 //! The model with one effect in it: parameters and strength together.
 //!
-//! Metamodels over both are fitted to all statistics; where it matters, direct runs at the optimum **tie** them to the
-//! simulation, and the fit is repeated until it stays. From the same model comes the signature that the attribution
+//! Metamodels over both are fitted to all statistics; where it matters, direct runs at the optimum join what they predict
+//! from, which **ties** them to the simulation, and the fit is repeated until it stays. From the same model comes the signature that the attribution
 //! judges: the change of every statistic along the path on which the parameters follow the strength, less what the
 //! slopes at θ̂ predict for that move,
 //!
@@ -14,7 +14,7 @@ use super::anchors::{Anchors, place_of, strength_at};
 use super::direct;
 use super::fit::{self, Surface};
 use super::lab::Lab;
-use super::moments::{Batch, Moments};
+use super::moments::Batch;
 use super::verdict::Case;
 use crate::campaign::CampaignError;
 use crate::effects::{self, Effect};
@@ -24,7 +24,7 @@ use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
 use nalgebra::{DMatrix, DVector};
 
 /// Most rounds of direct runs at an optimum that moves with them.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 4;
 /// Standard errors that an optimum may move by when it is tied and still counts as settled.
 const SETTLED: f64 = 0.5;
 /// Share of its range below which a strength is as good as zero, and says nothing per unit.
@@ -46,13 +46,11 @@ pub struct Contender {
     was_run: bool,
 }
 
-/// Direct runs at a point of parameters and strength.
+/// The latest direct runs.
 struct Tie {
     x: DVector<f64>,
-    /// Direct values minus those of the metamodels.
-    offset: DVector<f64>,
-    /// Covariance of measured minus simulated.
-    covariance: DMatrix<f64>,
+    /// Covariance of the measured values, with the scatter of these runs.
+    noise: DMatrix<f64>,
 }
 
 /// The optimum with the effect in the model.
@@ -71,11 +69,14 @@ impl Contender {
     /// Trains the model of a candidate for the statistics of a case.
     pub fn new(case: &Case, models: &Models, anchors: &Anchors, name: &str) -> Result<Self, StageError> {
         let effect = effects::find(name).map_err(CampaignError::from)?;
-        let surface = Surface::joint(case.context, models, anchors, (name, effect.range()), &case.evidence.statistics);
+        let trained = Surface::joint(case.context, models, anchors, (name, effect.range()), &case.evidence.statistics);
+        let origin = case.optimum.clone().push(place_of(effect.range(), 0.0));
+        let unmeasured = || "an observable could not be measured at the optimum".to_owned();
+        let surface = trained.and_then(|s| s.knowing(&case.before, &origin).ok_or_else(unmeasured));
         let mut contender = Self { effect, surface, misfit: None, tie: None, was_run: false };
         contender.misfit = match &contender.surface {
             Ok(surface) => {
-                let (fit, covariance) = contender.untied(case, surface)?;
+                let (fit, covariance) = contender.optimum(case, surface)?;
                 covariance.cholesky().map(|factor| fit.chi2 + 2.0 * factor.l().diagonal().map(libm::log).sum())
             }
             Err(_) => None,
@@ -121,8 +122,9 @@ impl Contender {
             let label = format!("{}/{} {round}", case.set.name, self.name());
             let effects = [(self.name().to_owned(), found.strength)];
             let batch = direct::batch(case.context, lab, label, &found.u, &effects)?;
-            let Some(tie) = self.tie_to(case, &batch, found.fit.parameters) else { return Ok(()) };
-            self.tie = Some(tie);
+            if !self.tie_to(case, &batch, found.fit.parameters) {
+                return Ok(());
+            }
         }
         Ok(())
     }
@@ -134,20 +136,21 @@ impl Contender {
         })
     }
 
-    fn tie_to(&self, case: &Case, batch: &Batch, x: DVector<f64>) -> Option<Tie> {
-        let Moments { values, covariance } = batch.moments(&case.evidence.statistics)?;
-        let noise = case.evidence.noise(batch)?;
-        let told = self.surface.as_ref().ok()?.predict(&x).0;
-        Some(Tie { x, offset: DVector::from_vec(values) - told, covariance: noise.covariance + covariance })
+    /// Lets the model know the runs at `x`; false where an observable could not be measured.
+    fn tie_to(&mut self, case: &Case, batch: &Batch, x: DVector<f64>) -> bool {
+        let Ok(surface) = &self.surface else { return false };
+        let (Some(surface), Some(noise)) = (surface.knowing(batch, &x), case.evidence.noise(batch)) else {
+            return false;
+        };
+        self.surface = Ok(surface);
+        self.tie = Some(Tie { x, noise: noise.covariance });
+        true
     }
 
     /// The joint optimum over the model as it stands; `None` without a model.
     pub fn fit(&self, case: &Case) -> Result<Option<JointFit>, StageError> {
         let Ok(surface) = &self.surface else { return Ok(None) };
-        let fit = match &self.tie {
-            Some(tie) => self.best(case, surface, (&tie.offset, &tie.covariance), &[tie.x.as_slice().to_vec()])?,
-            None => self.untied(case, surface)?.0,
-        };
+        let fit = self.optimum(case, surface)?.0;
         let (p, range) = (case.optimum.len(), self.effect.range());
         let (u, strength) = (fit.parameters.rows(0, p).into_owned(), strength_at(range, fit.parameters[p]));
         let strength_sd = fit.covariance[(p, p)].max(0.0).sqrt() * (range.1 - range.0);
@@ -155,22 +158,17 @@ impl Contender {
     }
 
     /// The optimum of the metamodels, whose error is taken at the optimum of a first pass, and the covariance behind it.
-    fn untied(&self, case: &Case, surface: &Surface) -> Result<(GlsFit, DMatrix<f64>), StageError> {
-        let offset = self.plain_offset(case, surface);
-        let first = self.best(case, surface, (&offset, &case.covariance()), &self.starts(case))?;
-        let wider = case.covariance() + surface.uncertainty(&first.parameters, &case.correlation());
-        let fit = self.best(case, surface, (&offset, &wider), &[first.parameters.as_slice().to_vec()])?;
-        Ok((fit, wider))
-    }
-
-    fn best(
-        &self,
-        case: &Case,
-        surface: &Surface,
-        (offset, covariance): (&DVector<f64>, &DMatrix<f64>),
-        starts: &[Vec<f64>],
-    ) -> Result<GlsFit, StageError> {
-        fit::best(surface, offset, &case.evidence, covariance, starts, |start| self.parameters(case, start))
+    fn optimum(&self, case: &Case, surface: &Surface) -> Result<(GlsFit, DMatrix<f64>), StageError> {
+        let noise = self.tie.as_ref().map_or(&case.noise.covariance, |tie| &tie.noise);
+        let best = |covariance: &DMatrix<f64>, starts: &[Vec<f64>]| {
+            fit::best(surface, &case.evidence, covariance, starts, |start| self.parameters(case, start))
+        };
+        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.correlation());
+        let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| wider(&tie.x));
+        let first = best(&typical, &self.starts(case))?;
+        let covariance = wider(&first.parameters);
+        let fit = best(&covariance, &[first.parameters.as_slice().to_vec()])?;
+        Ok((fit, covariance))
     }
 
     /// The optimum of the plain model and the centre, with a few strengths on either side of zero.
@@ -179,7 +177,8 @@ impl Contender {
         let from = |u: &[f64], strength: f64| [u, &[place_of(range, strength)]].concat();
         let centre = vec![0.5; case.optimum.len()];
         let nodes = self.nodes(&[0.1, 0.4, 0.8]);
-        nodes.into_iter().flat_map(|node| [from(case.optimum.as_slice(), node), from(&centre, node)]).collect()
+        let free = nodes.into_iter().flat_map(|node| [from(case.optimum.as_slice(), node), from(&centre, node)]);
+        self.tie.iter().map(|tie| tie.x.as_slice().to_vec()).chain(free).collect()
     }
 
     /// Strengths at given shares of both ends of the range, ascending.
@@ -197,12 +196,6 @@ impl Contender {
         let name = self.name().to_owned();
         parameters.push(Parameter { name, value: start[p], lower: 0.0, upper: 1.0, prior: None });
         parameters
-    }
-
-    /// Direct values minus those of the metamodels at the optimum of the plain model.
-    fn plain_offset(&self, case: &Case, surface: &Surface) -> DVector<f64> {
-        let x = case.optimum.clone().push(place_of(self.effect.range(), 0.0));
-        DVector::from_column_slice(&case.model.values) - surface.predict(&x).0
     }
 
     /// What the attribution judges.
@@ -224,7 +217,7 @@ impl Contender {
             return Ok(candidate);
         }
         if let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) {
-            let path = Path { contender: self, case, surface, plain: self.plain_offset(case, surface) };
+            let path = Path { contender: self, case, surface };
             candidate.signatures = path.signatures(&found)?;
             (candidate.covariance, candidate.shift) = path.error(&found);
         }
@@ -241,8 +234,6 @@ struct Path<'a> {
     contender: &'a Contender,
     case: &'a Case<'a>,
     surface: &'a Surface,
-    /// Offset of the metamodels at strength zero.
-    plain: DVector<f64>,
 }
 
 impl Path<'_> {
@@ -260,10 +251,9 @@ impl Path<'_> {
     }
 
     fn signature(&self, strength: f64, found: &JointFit) -> Result<Signature, StageError> {
-        let offset = self.offset(strength);
-        let u = self.parameters_at(strength, &offset, found)?;
-        let value = self.surface.predict(&self.at(&u, strength)).0 + offset;
-        let change = value - DVector::from_column_slice(&self.case.model.values);
+        let u = self.parameters_at(strength, found)?;
+        let change =
+            self.surface.predict(&self.at(&u, strength)).0 - DVector::from_column_slice(&self.case.model.values);
         let per_unit = (change - &self.case.slopes.jacobian * (&u - &self.case.optimum)) / strength;
         Ok(Signature { strength, per_unit })
     }
@@ -272,27 +262,14 @@ impl Path<'_> {
         u.clone().push(place_of(self.contender.effect.range(), strength))
     }
 
-    /// Offset of the metamodels: that of the plain model at zero, that of the tie from its strength on.
-    fn offset(&self, strength: f64) -> DVector<f64> {
-        let Some(tie) = &self.contender.tie else { return self.plain.clone() };
-        let tied = strength_at(self.contender.effect.range(), tie.x[tie.x.len() - 1]);
-        let share = (strength / tied).clamp(0.0, 1.0);
-        &self.plain * (1.0 - share) + &tie.offset * share
-    }
-
     /// The best parameters at a given strength.
-    fn parameters_at(
-        &self,
-        strength: f64,
-        offset: &DVector<f64>,
-        found: &JointFit,
-    ) -> Result<DVector<f64>, StageError> {
+    fn parameters_at(&self, strength: f64, found: &JointFit) -> Result<DVector<f64>, StageError> {
         if strength == found.strength {
             return Ok(found.u.clone());
         }
         let model = |u: &DVector<f64>| {
             let (values, slopes) = self.surface.predict(&self.at(u, strength));
-            (values + offset, slopes.columns(0, u.len()).into_owned())
+            (values, slopes.columns(0, u.len()).into_owned())
         };
         let start = fit::parameters(self.case.context.config, &self.case.set.name, found.u.as_slice());
         Ok(fit::gls(model, &self.case.evidence.values, &self.case.covariance(), &start)?.parameters)

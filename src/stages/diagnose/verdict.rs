@@ -136,29 +136,23 @@ struct Plain<'a> {
 impl Plain<'_> {
     /// Over the metamodels, whose error is taken at the optimum of a first pass.
     fn over_metamodels(&self, noise: &DMatrix<f64>) -> Result<GlsFit, StageError> {
-        let none = DVector::zeros(self.evidence.values.len());
-        let first = self.best(&none, noise, &fit::starts(self.context.config.parameters.len()))?;
+        let first = self.best(self.surface, noise, &fit::starts(self.context.config.parameters.len()))?;
         let wider = noise + self.surface.uncertainty(&first.parameters, &correlation(noise));
-        self.best(&none, &wider, &[first.parameters.as_slice().to_vec()])
+        self.best(self.surface, &wider, &[first.parameters.as_slice().to_vec()])
     }
 
-    /// With the values of runs at `centre` in place of the metamodels'.
+    /// The same with metamodels that also know the runs at `centre`.
     fn with_runs(&self, batch: &Batch, centre: &DVector<f64>) -> Result<Option<GlsFit>, StageError> {
-        let (Some(noise), Some(model)) = (self.evidence.noise(batch), batch.moments(&self.evidence.statistics)) else {
+        let (Some(noise), Some(surface)) = (self.evidence.noise(batch), self.surface.knowing(batch, centre)) else {
             return Ok(None);
         };
-        let offset = DVector::from_vec(model.values) - self.surface.predict(centre).0;
-        self.best(&offset, &(noise.covariance + model.covariance), &[centre.as_slice().to_vec()]).map(Some)
+        let covariance = &noise.covariance + surface.uncertainty(centre, &correlation(&noise.covariance));
+        self.best(&surface, &covariance, &[centre.as_slice().to_vec()]).map(Some)
     }
 
-    fn best(
-        &self,
-        offset: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        starts: &[Vec<f64>],
-    ) -> Result<GlsFit, StageError> {
+    fn best(&self, surface: &Surface, covariance: &DMatrix<f64>, starts: &[Vec<f64>]) -> Result<GlsFit, StageError> {
         let parameters = |start: &[f64]| fit::parameters(self.context.config, &self.set.name, start);
-        fit::best(self.surface, offset, self.evidence, covariance, starts, parameters)
+        fit::best(surface, self.evidence, covariance, starts, parameters)
     }
 }
 
