@@ -43,7 +43,7 @@ pub enum Reason {
         share: f64,
     },
     /// An arch of grains stands over the opening, so the material did not flow out freely.
-    #[error("an arch of {mass} kg stands over the slot; widen the slot or use finer grains")]
+    #[error("an arch of {mass:.4} kg stands over the slot; widen the slot or use finer grains")]
     Arched {
         /// Mass over the middle of the slot [kg].
         mass: f64,

@@ -26,7 +26,7 @@ pub const SUMMARY: &str = "report/summary.txt";
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "report",
-    version: 2,
+    version: 3,
     purpose: "one HTML file and one Markdown file",
     reads: &[
         SampleRow::SPEC,

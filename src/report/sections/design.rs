@@ -134,26 +134,43 @@ fn overlap(runs: &[&RunRow]) -> Cell {
     }
 }
 
+/// Failures of one kind: what failed, in which runs, and one reason in full.
+#[derive(Default)]
+struct Failures {
+    what: BTreeSet<String>,
+    runs: BTreeSet<String>,
+    example: String,
+}
+
 fn failures(report: &Report) -> Vec<Block> {
-    let mut reasons: BTreeMap<(String, String, String), usize> = BTreeMap::new();
-    let unknown = || "no reason recorded".to_string();
-    for run in report.runs.iter().filter(|run| run.status != "ok") {
-        let reason = run.reason.clone().unwrap_or_else(unknown);
-        *reasons.entry((run.experiment.clone(), "simulation".to_string(), reason)).or_default() += 1;
-    }
+    let mut kinds: BTreeMap<(String, String), Failures> = BTreeMap::new();
+    let mut add = |experiment: &str, what: String, run: &str, reason: Option<&str>| {
+        let reason = reason.unwrap_or("no reason recorded");
+        // Reasons begin with a stable word; numbers follow.
+        let code = reason.split([':', ' ']).next().unwrap_or_default().to_string();
+        let kind = kinds.entry((experiment.to_string(), code)).or_default();
+        kind.what.insert(what);
+        kind.runs.insert(run.to_string());
+        if kind.example.is_empty() {
+            kind.example = reason.to_string();
+        }
+    };
     let lost: BTreeSet<&str> =
         report.runs.iter().filter(|run| run.status != "ok").map(|run| run.run_key.as_str()).collect();
+    for run in report.runs.iter().filter(|run| run.status != "ok") {
+        add(&run.experiment, "simulation".to_string(), &run.run_key, run.reason.as_deref());
+    }
     // An observable of a failed run is no failure of its own.
     for kpi in report.kpis.iter().filter(|kpi| kpi.status != "ok" && !lost.contains(kpi.run_key.as_str())) {
-        let reason = kpi.reason.clone().unwrap_or_else(unknown);
-        *reasons.entry((kpi.experiment.clone(), words::label(&kpi.kpi), reason)).or_default() += 1;
+        add(&kpi.experiment, words::label(&kpi.kpi), &kpi.run_key, kpi.reason.as_deref());
     }
-    if reasons.is_empty() {
+    if kinds.is_empty() {
         return vec![Block::Paragraph(text("No simulation failed, and every run gave all its observables."))];
     }
-    let table = Table::new("Failures by reason", &["experiment", "what failed", "reason", "#times"]);
-    let rows = reasons.into_iter().map(|((experiment, what, reason), times)| {
-        vec![cell(words::label(&experiment)), cell(what), cell(reason), cell(count(times))]
+    let table = Table::new("Failures by reason", &["experiment", "what failed", "reason, as of the first", "#runs"]);
+    let rows = kinds.into_iter().map(|((experiment, _), kind)| {
+        let what = kind.what.into_iter().collect::<Vec<_>>().join(", ");
+        vec![cell(words::label(&experiment)), cell(what), cell(kind.example), cell(count(kind.runs.len()))]
     });
     vec![Block::Table(table.with_rows(rows))]
 }

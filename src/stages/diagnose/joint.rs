@@ -115,8 +115,7 @@ impl Contender {
         self.was_run = true;
         for round in 1..=ROUNDS {
             let Some(found) = self.fit(case)? else { return Ok(()) };
-            let (lower, upper) = self.effect.range();
-            if found.strength.abs() < NOTHING * (upper - lower) || self.is_settled(&found.fit) {
+            if !self.has_strength(&found) || self.is_settled(&found.fit) {
                 return Ok(());
             }
             let label = format!("{}/{} {round}", case.set.name, self.name());
@@ -127,6 +126,11 @@ impl Contender {
             }
         }
         Ok(())
+    }
+
+    fn has_strength(&self, found: &JointFit) -> bool {
+        let (lower, upper) = self.effect.range();
+        found.strength.abs() >= NOTHING * (upper - lower)
     }
 
     fn is_settled(&self, fit: &GlsFit) -> bool {
@@ -211,16 +215,15 @@ impl Contender {
             shift: DVector::zeros(p),
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
         };
-        if self.was_run && !self.is_tied() {
+        let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(candidate) };
+        if self.was_run && !(self.is_tied() && self.has_strength(&found)) {
             candidate.testable =
                 Err("the best fit with it has no strength, or its runs could not be measured".to_owned());
             return Ok(candidate);
         }
-        if let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) {
-            let path = Path { contender: self, case, surface };
-            candidate.signatures = path.signatures(&found)?;
-            (candidate.covariance, candidate.shift) = path.error(&found);
-        }
+        let path = Path { contender: self, case, surface };
+        candidate.signatures = path.signatures(&found)?;
+        (candidate.covariance, candidate.shift) = path.error(&found);
         Ok(candidate)
     }
 }
