@@ -19,11 +19,10 @@ mod moments;
 mod rows;
 mod verdict;
 
-use super::context::text;
+use super::context::{run_settings, text};
 use super::models::Models;
 use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
 use crate::config::{Config, Measured};
-use crate::dem;
 use crate::tables::Row;
 use crate::tables::list::{
     AggregateRow, AttributionRow, BeforeAfterRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HyperparameterRow,
@@ -57,23 +56,24 @@ pub const STAGE: Stage = Stage {
 };
 
 fn settings(config: &Config) -> SettingsText {
-    let mut settings = text([
-        ("study.seed", config.study.seed.to_string()),
-        ("study.repetitions", config.study.repetitions.to_string()),
-        ("physics_version", dem::PHYSICS_VERSION.to_string()),
-    ]);
+    let mut experiments = config.experiments();
+    experiments.push(config.validate.experiment);
+    let mut settings = run_settings(config, &experiments);
+    settings.extend(text([("study.repetitions", config.study.repetitions.to_string())]));
     settings.extend(config.settings_text(&[
         "diagnose",
-        "effects",
+        "effects.accept",
         "validate",
-        "setup",
         "parameters",
         "experiments",
+        "metamodel",
         "prior",
-        "measured",
         "statistics",
         "study.resolution",
     ]));
+    let comparable = config.measured.iter().map(|set| format!("measured.{}.comparable", set.name));
+    settings
+        .extend(config.settings_text(&comparable.collect::<Vec<_>>().iter().map(String::as_str).collect::<Vec<_>>()));
     settings
 }
 
