@@ -88,12 +88,15 @@ fn a_weight_leaves_all_before_the_calibration_alone() {
 fn a_new_candidate_costs_its_own_anchors() {
     let study = finished();
     let runs = study.runs();
-    let (ran, new) = change(&study, "[\"size_distribution\"]", "[\"size_distribution\", \"cohesion\"]");
+    assert_eq!(planned(&study, "diagnose"), (6 + 4, 0), "the centre and the anchor");
+    study.edit("pipeline.toml", "[\"size_distribution\"]", "[\"cohesion\", \"size_distribution\"]");
+    assert_eq!(planned(&study, "diagnose"), (6 + 8, 4), "one anchor more");
+    let (ran, new) = change(&study, "[\"cohesion\", \"size", "[\"cohesion\", \"size");
     assert_eq!(ran, ["diagnose", "report"]);
     // One anchor twice and the effect's own optimum three times, in two experiments, are the most that it can take.
     assert!((4..=4 + 12).contains(&new), "{new} new runs");
     let back = study.runs();
-    study.edit("pipeline.toml", ", \"cohesion\"]", "]");
+    study.edit("pipeline.toml", "[\"cohesion\", ", "[");
     assert_eq!(study.repro(&[])["diagnose"], "restored");
     assert_eq!((study.runs(), back - runs), (back, new));
 }

@@ -21,7 +21,8 @@ mod verdict;
 
 use super::context::{run_settings, text};
 use super::models::Models;
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError};
+use crate::campaign::Request;
 use crate::config::{Config, Measured};
 use crate::tables::Row;
 use crate::tables::list::{
@@ -52,7 +53,7 @@ pub const STAGE: Stage = Stage {
     measured: true,
     settings,
     run,
-    simulations: no_simulations,
+    simulations,
 };
 
 fn settings(config: &Config) -> SettingsText {
@@ -108,6 +109,11 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
     outputs.table(tables.recalibration)?;
     outputs.table(tables.before_after)?;
     Ok(outputs)
+}
+
+/// The anchors; how many runs at the optima follow, nobody knows before they are diagnosed.
+fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
+    anchors::requests(context).map(Some)
 }
 
 fn diagnosed<'a>(context: &Context<'a>) -> impl Iterator<Item = &'a Measured> {
