@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 const KPI_CONTEXT: &str = "granulake 2026 kpi key v1";
 /// Raised when the meaning of an observable changes.
-const KPI_VERSION: u64 = 2;
+pub const KPI_VERSION: u64 = 2;
 
 impl Campaign {
     /// One row per request and observable, in order; `runs` are the rows of the same requests.
@@ -38,16 +38,15 @@ impl Campaign {
     fn records(&self, request: &Request, run: &RunRow) -> Result<Vec<KpiRecord>, CampaignError> {
         let settings = request.resolve()?;
         let key = kpi_key(request, &run.run_key, run.state.as_deref().unwrap_or_default(), &settings)?.to_string();
-        if let Some(records) = self.kpis.get(&key) {
-            return Ok(records.to_vec());
-        }
-        let records = match (&run.state, &run.trace) {
-            (Some(state), Some(trace)) => {
-                let (state, trace) = self.load(state, trace)?;
-                measured(&key, request, &settings, &state, &trace)
-            }
-            _ => unmeasured(&key, request, run.reason.as_deref().unwrap_or("the run has no final state")),
+        let (Some(state), Some(trace)) = (&run.state, &run.trace) else {
+            // Never stored: they follow from the row of the run, which may become another when it is tried again.
+            return Ok(unmeasured(&key, request, run.reason.as_deref().unwrap_or("the run has no final state")));
         };
+        if let Some(records) = self.kpis.get(&key) {
+            return Ok(records);
+        }
+        let (state, trace) = self.load(state, trace)?;
+        let records = measured(&key, request, &settings, &state, &trace);
         self.kpis.append(&records)?;
         Ok(records)
     }

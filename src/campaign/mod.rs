@@ -10,9 +10,9 @@ mod progress;
 mod records;
 mod request;
 
-pub use measure::kpi_key;
+pub use measure::{KPI_VERSION, kpi_key};
 pub use progress::Progress;
-pub use records::{KpiRecord, RunRecord, TimingRecord};
+pub use records::{FAILED, KpiRecord, OK, RunRecord, TimingRecord};
 pub use request::{Point, Request, Values, run_seed};
 
 use crate::canonical::{CanonicalError, Digest};
@@ -74,6 +74,7 @@ pub struct Campaign {
     pool: rayon::ThreadPool,
     progress: Progress,
     retry_failed: bool,
+    step_limit: Option<u64>,
 }
 
 /// How a campaign works; nothing here changes a result.
@@ -85,6 +86,17 @@ pub struct Options {
     pub progress: bool,
     /// Run failed runs again.
     pub retry_failed: bool,
+}
+
+/// What the ledger has of a run.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Standing {
+    /// All that is wanted.
+    Known,
+    /// Nothing, or a record whose final state is gone: the same run again gives the same record.
+    Missing,
+    /// A failure that is to be tried again: another record may come out.
+    Outdated,
 }
 
 /// A request with its resolved settings and key.
@@ -121,7 +133,14 @@ impl Campaign {
             pool,
             progress: Progress::new(options.progress),
             retry_failed: options.retry_failed,
+            step_limit: None,
         })
+    }
+
+    /// The same campaign, giving up on runs that need more steps.
+    #[must_use]
+    pub fn with_step_limit(self, step_limit: Option<u64>) -> Self {
+        Self { step_limit, ..self }
     }
 
     /// The store behind the campaign.
@@ -170,6 +189,16 @@ impl Campaign {
         (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64)
     }
 
+    /// Takes runs that came to their end out of the tables of a study, where the ledger has lost them.
+    ///
+    /// # Errors
+    /// A store that cannot be written.
+    pub fn recover(&self, rows: &[RunRow]) -> Result<(), CampaignError> {
+        let lost = |row: &&RunRow| row.status == OK && row.run_key.parse().is_ok_and(|key| !self.runs.contains(&key));
+        let records: BTreeMap<&String, &RunRow> = rows.iter().filter(lost).map(|row| (&row.run_key, row)).collect();
+        Ok(self.runs.append(&records.into_values().map(RunRecord::of_row).collect::<Vec<_>>())?)
+    }
+
     /// Merges what has been published since the last time into few files.
     ///
     /// # Errors
@@ -197,18 +226,24 @@ impl Campaign {
     /// The first request of every key that is still to be run.
     fn missing<'r, 'a>(&self, resolved: &'r [Resolved<'a>]) -> Vec<&'r Resolved<'a>> {
         let mut seen = std::collections::HashSet::new();
-        resolved.iter().filter(|run| !self.has(&run.key) && seen.insert(run.key)).collect()
+        let wanted = |run: &&Resolved| self.standing(&run.key) != Standing::Known && seen.insert(run.key);
+        resolved.iter().filter(wanted).collect()
     }
 
-    fn has(&self, key: &Digest) -> bool {
-        let Some(rows) = self.runs.rows_of(key) else { return false };
+    fn standing(&self, key: &Digest) -> Standing {
+        let Some(rows) = self.runs.rows_of(key) else { return Standing::Missing };
+        let Some(record) = rows.into_iter().next().and_then(|record| record.under(*key, self.step_limit)) else {
+            return Standing::Outdated;
+        };
         let stored = |text: &Option<String>| {
             text.as_ref().is_some_and(|text| text.parse().is_ok_and(|digest| self.store.has_object(&digest)))
         };
-        rows.iter().all(|row| match row.status == records::OK {
-            true => stored(&row.state) && stored(&row.trace),
-            false => !self.retry_failed,
-        })
+        match record.status == records::OK {
+            true if stored(&record.state) && stored(&record.trace) => Standing::Known,
+            true => Standing::Missing,
+            false if self.retry_failed => Standing::Outdated,
+            false => Standing::Known,
+        }
     }
 
     fn compute(&self, missing: &[&Resolved]) -> Result<(), CampaignError> {
@@ -217,9 +252,9 @@ impl Campaign {
         let outcome = self.pool.install(|| {
             missing.par_iter().with_max_len(1).try_for_each(|run| {
                 let (record, seconds) = self.run(run)?;
-                match self.retry_failed {
-                    true => self.runs.replace(&[record])?,
-                    false => self.runs.append(&[record])?,
+                match self.standing(&run.key) {
+                    Standing::Outdated => self.runs.replace(&[record])?,
+                    Standing::Known | Standing::Missing => self.runs.append(&[record])?,
                 }
                 let experiment = run.request.experiment.name().to_owned();
                 let timing = TimingRecord { run_key: run.key.to_string(), experiment, cpu_seconds: seconds };
@@ -240,7 +275,7 @@ impl Campaign {
     fn run(&self, run: &Resolved) -> Result<(RunRecord, f64), CampaignError> {
         let setup = run.request.experiment.setup(&run.settings)?;
         let start = Instant::now();
-        let outcome = dem::simulate(&setup, run.request.seed);
+        let outcome = dem::simulate_within(&setup, run.request.seed, self.step_limit);
         let seconds = start.elapsed().as_secs_f64();
         let record = match outcome {
             Ok(outcome) => {
@@ -259,7 +294,8 @@ impl Campaign {
     fn run_row(&self, run: &Resolved) -> Result<RunRow, CampaignError> {
         let Resolved { request, key, .. } = run;
         let key = key.to_string();
-        let record = self.runs.get(&key).and_then(|rows| rows.into_iter().next());
+        let record = self.runs.rows_of(&run.key).and_then(|rows| rows.into_iter().next());
+        let record = record.and_then(|record| record.under(run.key, self.step_limit));
         let record = record.ok_or_else(|| CampaignError::LostRun { key: key.clone() })?;
         Ok(RunRow {
             label: request.label.clone(),

@@ -3,13 +3,15 @@
 use crate::canonical::Digest;
 use crate::dem::{Failure, Outcome, State, Stop, TracePoint};
 use crate::table;
-use crate::tables::TableError;
 use crate::tables::columns::{Column, ColumnFile};
+use crate::tables::{RunRow, TableError};
 
 /// Status of a row that has its value.
 pub const OK: &str = "ok";
 /// Status of a row that has a reason instead.
 pub const FAILED: &str = "failed";
+/// What ended a run that was given up.
+const STEP_LIMIT: &str = "step_limit";
 
 table! {
     /// One run of the engine, whoever asked for it.
@@ -20,7 +22,7 @@ table! {
         status: String [""],
         /// Why the run failed.
         reason: Option<String> [""],
-        /// Which criterion ended the run: energy_ratio, empty or time_cap.
+        /// Which criterion ended the run: energy_ratio, empty or time_cap; step_limit where it was given up.
         stop: Option<String> [""],
         /// Simulated time at the end.
         time_s: Option<f64> ["s"],
@@ -91,14 +93,45 @@ impl RunRecord {
             run_key: key.to_string(),
             status: FAILED.to_owned(),
             reason: Some(failure.to_string()),
-            stop: None,
+            stop: matches!(failure, Failure::StepLimit { .. }).then(|| STEP_LIMIT.to_owned()),
             time_s: None,
-            steps: None,
+            steps: failure.steps(),
             particles: None,
             coordination_number: None,
             max_overlap: None,
             state: None,
             trace: None,
+        }
+    }
+
+    /// The record that a row of a table was made from.
+    pub(super) fn of_row(row: &RunRow) -> Self {
+        let row = row.clone();
+        Self {
+            run_key: row.run_key,
+            status: row.status,
+            reason: row.reason,
+            stop: row.stop,
+            time_s: row.time_s,
+            steps: row.steps,
+            particles: row.particles,
+            coordination_number: row.coordination_number,
+            max_overlap: row.max_overlap,
+            state: row.state,
+            trace: row.trace,
+        }
+    }
+
+    /// What the record says under a limit of steps; `None` where the run was given up at a smaller limit, so that it has
+    /// to be made again. The limit is no part of the run's key: changing it loses no run, and the same limit gives the
+    /// same rows whatever it was before.
+    pub(super) fn under(self, key: Digest, limit: Option<u64>) -> Option<Self> {
+        let given_up = self.stop.as_deref() == Some(STEP_LIMIT);
+        let beyond = |limit: &u64| self.steps.is_some_and(|steps| steps > *limit || given_up && steps == *limit);
+        match limit.filter(beyond) {
+            Some(limit) => Some(Self::failed(key, &Failure::StepLimit { limit })),
+            None if given_up => None,
+            None => Some(self),
         }
     }
 }
@@ -174,6 +207,22 @@ const TRACE: &str = "mass_trace";
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_limit_of_steps_gives_the_same_rows_whatever_it_was_before() {
+        let key = Digest::of_content(b"run");
+        let gave_up = |limit| RunRecord::failed(key, &Failure::StepLimit { limit });
+        let exploded = RunRecord::failed(key, &Failure::NotFinite { step: 64, time: 0.1, grain: 3 });
+        let done = RunRecord { status: OK.to_owned(), reason: None, stop: None, steps: Some(100), ..exploded.clone() };
+        for record in [&done, &gave_up(10), &gave_up(20), &exploded] {
+            assert_eq!(record.clone().under(key, Some(10)), Some(gave_up(10)), "{record:?}");
+        }
+        for limit in [Some(100), None] {
+            assert_eq!(done.clone().under(key, limit), Some(done.clone()));
+            assert_eq!(exploded.clone().under(key, limit), Some(exploded.clone()));
+            assert_eq!(gave_up(10).under(key, limit), None, "it has to be made again");
+        }
+    }
 
     #[test]
     fn states_and_traces_come_back_bit_for_bit() {

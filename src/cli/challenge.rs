@@ -119,6 +119,7 @@ fn new(study: &Path, order: &Order, out: &Path) -> Result<Outcome, CliError> {
     // The measured data of the study are not read: the challenge may be about to become one of them.
     let config = Study::config(study)?;
     let campaign = Campaign::open(Store::at(config.artifacts()), Options { progress: true, ..Options::default() })?;
+    let campaign = campaign.with_step_limit(config.study.step_limit);
     let challenge = challenge::make(&config, &campaign, order)?;
     std::fs::create_dir_all(out)?;
     std::fs::write(out.join(SEALED), challenge.sealed)?;

@@ -4,6 +4,7 @@
 //! usage; 3 `fsck` found damage, or `status` found stale stages; 4 a run of `repro` ended with failed simulations.
 
 mod challenge;
+mod diff;
 mod fsck;
 mod gc;
 mod init;
@@ -51,6 +52,7 @@ enum Command {
     Repro(repro::Arguments),
     Status(status::Arguments),
     Why(why::Arguments),
+    Diff(diff::Arguments),
     Sim(sim::Arguments),
     Query(query::Arguments),
     Fsck(fsck::Arguments),
@@ -95,6 +97,7 @@ fn dispatch(cli: &Cli) -> Result<Outcome, CliError> {
         Command::Repro(arguments) => repro::run(study, arguments),
         Command::Status(arguments) => status::run(study, arguments),
         Command::Why(arguments) => why::run(study, arguments),
+        Command::Diff(arguments) => diff::run(study, arguments),
         Command::Sim(arguments) => sim::run(study, arguments),
         Command::Query(arguments) => query::run(study, arguments),
         Command::Fsck(arguments) => fsck::run(study, arguments),

@@ -23,7 +23,8 @@ Examples:
   granulake plan train
   granulake --study studies/fransen2022.toml plan --json
 
-Costs come from the simulations timed so far in this store; before the first one, a minute each is assumed and said.")]
+Costs come from the simulations timed so far in this store; before the first one, a minute each is assumed and said.
+Of diagnose the anchors of all effects are counted; its runs at optima are known only when those are.")]
 pub struct Arguments {
     /// Last stage; all stages when left out.
     stage: Option<String>,

@@ -89,13 +89,14 @@ impl Cross<'_> {
 
     fn design(&mut self) {
         let values = &self.reading.values;
-        let (levels, interior) = (values.count("design.boundary_levels"), values.count("design.interior"));
+        let levels = values.count("design.boundary_levels");
+        let inside = values.count("design.interior") + values.count("design.added");
         let dimensions = self.reading.parameters.len() as u32;
         if levels == 1 {
             self.problem("design.boundary_levels", "one level spans nothing; take 0 (none) or 2 and more".to_owned());
         }
         let boundary = if levels == 0 { 0 } else { levels.saturating_pow(dimensions) };
-        let points = boundary.saturating_add(interior);
+        let points = boundary.saturating_add(inside);
         if points > MOST_POINTS {
             let what =
                 format!("{levels} levels of {dimensions} parameters make {boundary} points; take fewer levels, or 0");

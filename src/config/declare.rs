@@ -150,6 +150,12 @@ const STUDY: &[Key] = &[
         "base seed; another seed gives other packings and another design",
     ),
     key("repetitions", Kind::Count(1, 100_000), "3", "simulations of every point with new random packings"),
+    key(
+        "step_limit",
+        Kind::Count(0, i64::MAX as u64),
+        "0",
+        "time steps after which a simulation is given up and becomes a failed row; 0 = none",
+    ),
     key("artifacts", Kind::Path, "\"artifacts\"", "where tables, objects and the report go"),
     key(
         "resolution",
@@ -171,6 +177,12 @@ const FITTED: &[Key] =
 const DESIGN: &[Key] = &[
     key("boundary_levels", Kind::Count(0, 9), "3", "levels of the full factorial that covers the boundary; 0 = none"),
     key("interior", Kind::Count(0, MANY), "20", "Latin hypercube points, spread conditional on the boundary points"),
+    key(
+        "added",
+        Kind::Count(0, 1000),
+        "0",
+        "points put in later, each as far as can be from all before; no other point moves, so every run is kept",
+    ),
     key("validation", Kind::Count(0, MANY), "8", "points the metamodels are judged by, never trained on"),
 ];
 

@@ -25,7 +25,7 @@ pub use types::{
 };
 
 use crate::experiments::{EXPERIMENTS, Experiment};
-use crate::settings::{self, Settings};
+use crate::settings::{self, Scope, SettingSpec, Settings};
 use read::Reading;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -141,6 +141,15 @@ impl Config {
     /// `effects.active`, as canonical text by full path: equal texts mean equal values.
     pub fn settings_text(&self, paths: &[&str]) -> BTreeMap<String, String> {
         self.reading.values.texts(paths)
+    }
+
+    /// Resolved values of `[setup]` in one scope, but only those that one of `experiments` reads, as
+    /// [`Config::settings_text`] gives them: a stage that measures a pile does not care for the shape of a hopper.
+    pub fn setup_text(&self, experiments: &[&dyn Experiment], scope: Scope) -> BTreeMap<String, String> {
+        let read = |spec: &&SettingSpec| experiments.iter().any(|experiment| spec.is_used_by(experiment.name()));
+        let paths = settings::specs().filter(|spec| spec.scope == scope).filter(read);
+        let paths: Vec<String> = paths.map(|spec| format!("setup.{}", spec.name)).collect();
+        self.settings_text(&paths.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
     /// The priors that belong to the data set `measured`.

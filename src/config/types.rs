@@ -114,6 +114,8 @@ pub struct Study {
     pub seed: u64,
     /// Simulations of every point.
     pub repetitions: u32,
+    /// Time steps after which a simulation is given up.
+    pub step_limit: Option<u64>,
     /// Folder of the outputs, relative to the study's folder.
     pub artifacts: PathBuf,
     /// What the set-up resolves.
@@ -164,6 +166,8 @@ pub struct Design {
     pub boundary_levels: u32,
     /// Points inside.
     pub interior: u32,
+    /// Points put in later.
+    pub added: u32,
     /// Points for validation only.
     pub validation: u32,
 }
@@ -337,6 +341,7 @@ pub(super) fn study(values: &Values) -> Study {
         title: values.text("study.title").to_owned(),
         seed: values.count("study.seed"),
         repetitions: values.count32("study.repetitions"),
+        step_limit: Some(values.count("study.step_limit")).filter(|limit| *limit > 0),
         artifacts: PathBuf::from(values.text("study.artifacts")),
         resolution: Resolution::admitted(values.text("study.resolution")),
     }
@@ -357,6 +362,7 @@ pub(super) fn design(values: &Values) -> Design {
     Design {
         boundary_levels: values.count32("design.boundary_levels"),
         interior: values.count32("design.interior"),
+        added: values.count32("design.added"),
         validation: values.count32("design.validation"),
     }
 }

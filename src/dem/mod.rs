@@ -34,7 +34,7 @@ mod world;
 pub use observe::{Contact, Partner};
 pub use outcome::{Energies, EventRecord, Failure, Outcome, State, Stop, TracePoint};
 pub use particles::Grain;
-pub use run::simulate;
+pub use run::{simulate, simulate_within};
 pub use setup::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Region, Setup, Shape,
     SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies,

@@ -168,6 +168,23 @@ pub enum Failure {
         /// Number of the grain in order of insertion.
         grain: u32,
     },
+    /// The run needs more steps than allowed.
+    #[error("needs more than {limit} time steps; raise the limit, or find out why the grains do not come to rest")]
+    StepLimit {
+        /// Steps allowed, all of them made.
+        limit: u64,
+    },
+}
+
+impl Failure {
+    /// Steps made until the run failed; none where it never started.
+    pub const fn steps(&self) -> Option<u64> {
+        match self {
+            Self::Overlap { step, .. } | Self::NotFinite { step, .. } => Some(*step),
+            Self::StepLimit { limit } => Some(*limit),
+            Self::InvalidSetup { .. } | Self::FillOverflow { .. } => None,
+        }
+    }
 }
 
 impl State {

@@ -17,10 +17,19 @@ const LOOK_INTERVAL: u64 = 64;
 /// # Errors
 /// [`Failure`] where the setup contradicts itself, the filling does not fit or the run explodes.
 pub fn simulate(setup: &Setup, seed: u64) -> Result<Outcome, Failure> {
+    simulate_within(setup, seed, None)
+}
+
+/// Runs a setup, but gives up on a run that needs more than `step_limit` steps. A run that needs no more is the same
+/// with any limit.
+///
+/// # Errors
+/// As [`simulate`], and [`Failure::StepLimit`].
+pub fn simulate_within(setup: &Setup, seed: u64, step_limit: Option<u64>) -> Result<Outcome, Failure> {
     validate(setup)?;
     let filling = fill(setup, seed)?;
     let mut run = Run::new(setup, World::new(setup, &filling.grains)?);
-    let stop = run.finish()?;
+    let stop = run.finish(step_limit.unwrap_or(u64::MAX))?;
     Ok(run.outcome(stop, filling.grains.len(), filling.attempts))
 }
 
@@ -53,7 +62,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn finish(&mut self) -> Result<Stop, Failure> {
+    fn finish(&mut self, step_limit: u64) -> Result<Stop, Failure> {
         loop {
             self.run_due_events()?;
             self.sample();
@@ -64,6 +73,9 @@ impl<'a> Run<'a> {
             }
             if self.world.time() >= self.setup.stop.time_cap {
                 return Ok(Stop::TimeCap);
+            }
+            if self.world.steps() >= step_limit {
+                return Err(Failure::StepLimit { limit: step_limit });
             }
             self.world.step()?;
             self.particle_steps += self.world.len() as u64;

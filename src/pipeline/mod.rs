@@ -4,6 +4,7 @@
 //! A stage is up to date when its key is the one in the lock and its outputs are there; outputs of a key seen before
 //! are put back from the store without running anything.
 
+pub mod diff;
 pub mod integrity;
 pub mod plan;
 pub mod run;

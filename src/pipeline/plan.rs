@@ -39,8 +39,10 @@ pub enum Reason {
     Setting(Change),
     /// An input has other content.
     Input(String),
-    /// An output is missing or has another size.
+    /// An output is missing or is not the one in the lock.
     Output(String),
+    /// The lock gives it a key that its settings and inputs do not have.
+    Edited,
     /// A table has a file that belongs to none of its outputs.
     Leftover(String),
 }
@@ -93,7 +95,8 @@ impl fmt::Display for Reason {
             Self::Version { old, new } => write!(f, "stage version {old} -> {new}"),
             Self::Setting(change) => write!(f, "{}: {} -> {}", change.name, text(&change.old), text(&change.new)),
             Self::Input(name) => write!(f, "{name} changed"),
-            Self::Output(path) => write!(f, "{path} is missing or has another size"),
+            Self::Output(path) => write!(f, "{path} is missing or is not the one in the lock"),
+            Self::Edited => write!(f, "its key in the lock belongs to other settings or inputs"),
             Self::Leftover(path) => write!(f, "{path} is left over from an earlier run"),
         }
     }
@@ -119,7 +122,9 @@ pub fn assess_stage(study: &Study, lock: &Lock, stage: &Stage) -> State {
     let Some(locked) = lock.stages.get(stage.name) else { return State::Stale(vec![Reason::NeverRan]) };
     let mut reasons = Vec::new();
     let recipe = recipe(study, lock, stage);
-    if recipe.key != locked.key {
+    // The key follows from the settings and inputs beside it, unless someone edited the lock.
+    let written = (locked.key, &locked.settings, &locked.inputs, locked.version);
+    if written != (recipe.key, &recipe.settings, &recipe.inputs, stage.version) {
         reasons = differences(stage, locked, &recipe);
     }
     let missing = locked.outputs.iter().filter(|(path, output)| !study.store().has_output(path, output));
@@ -185,6 +190,9 @@ fn differences(stage: &Stage, locked: &StageLock, now: &Recipe) -> Vec<Reason> {
     let names = locked.inputs.keys().chain(now.inputs.keys().filter(|name| !locked.inputs.contains_key(*name)));
     let changed = names.filter(|name| locked.inputs.get(*name) != now.inputs.get(*name));
     reasons.extend(changed.map(|name| Reason::Input(name.clone())));
+    if reasons.is_empty() {
+        reasons.push(Reason::Edited);
+    }
     reasons
 }
 

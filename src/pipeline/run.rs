@@ -1,16 +1,17 @@
 //! Bringing stages up to date.
 
+use super::integrity::states;
 use super::plan::{Recipe, State, assess_stage, leftovers, recipe, selection};
 use super::study::{PipelineError, Study};
-use crate::campaign::{Campaign, Options};
+use crate::campaign::{Campaign, FAILED, Options};
 use crate::canonical::{Digest, Encoder, digest};
 use crate::stages::Stage;
-use crate::store::{Ledger, Lock, Output, StageLock};
-use crate::table;
+use crate::store::{Ledger, Lock, Output, StageLock, table};
 use crate::tables::io::rows_in_file;
+use crate::tables::{Row, RunRow};
 use std::collections::BTreeMap;
 
-table! {
+crate::table! {
     /// What a stage gave for a key, so that a key seen before is put back without running.
     pub struct OutputRecord in "ledger_stages" version 2 keyed by stage_key sorted by (stage_key, number) {
         /// Key of the stage.
@@ -71,7 +72,9 @@ pub fn repro(
     let mut driver: Option<Driver> = None;
     for stage in selection(request.target) {
         let forced = request.force && request.target.is_none_or(|target| target.name == stage.name);
-        if !forced && assess_stage(study, &lock, stage) == State::Fresh {
+        let fresh = assess_stage(study, &lock, stage) == State::Fresh;
+        let retry = request.options.retry_failed && fresh && has_failed_runs(study, stage)?;
+        if fresh && !forced && !retry {
             report(stage.name, Action::Kept);
             continue;
         }
@@ -88,18 +91,30 @@ pub fn repro(
     }
 }
 
+/// Whether the tables of a stage hold a run that failed.
+fn has_failed_runs(study: &Study, stage: &Stage) -> Result<bool, PipelineError> {
+    for spec in stage.writes.iter().filter(|spec| spec.columns == RunRow::SPEC.columns) {
+        if table::text_counts(study.store().root(), spec, "status")?.contains_key(FAILED) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
 /// The open store while stages run.
 struct Driver<'a> {
     study: &'a Study,
     campaign: Campaign,
     outputs: Ledger<OutputRecord>,
+    retry_failed: bool,
 }
 
 impl<'a> Driver<'a> {
     fn open(study: &'a Study, options: Options) -> Result<Self, PipelineError> {
         study.store().claim()?;
         let campaign = study.campaign(options)?;
-        Ok(Self { study, campaign, outputs: study.store().ledger("stages")? })
+        let outputs = study.store().ledger("stages")?;
+        Ok(Self { study, campaign, outputs, retry_failed: options.retry_failed })
     }
 
     fn finish(self) -> Result<(), PipelineError> {
@@ -111,7 +126,8 @@ impl<'a> Driver<'a> {
     fn update(&self, lock: &mut Lock, stage: &'static Stage, forced: bool) -> Result<Action, PipelineError> {
         let recipe = recipe(self.study, lock, stage);
         let known = if forced { None } else { self.restore(&recipe)? };
-        let (outputs, action) = match known {
+        let retry = self.retry_failed && has_failed_runs(self.study, stage)?;
+        let (outputs, action) = match known.filter(|_| !retry) {
             Some(outputs) => (outputs, Action::Restored),
             None => (self.run(stage, &recipe)?, Action::Ran),
         };
@@ -129,7 +145,8 @@ impl<'a> Driver<'a> {
         Ok(action)
     }
 
-    /// Copies the outputs of a key seen before out of the store; `None` if the key is new or an object is gone.
+    /// Copies the outputs of a key seen before out of the store; `None` if the key is new or an object is gone, be it a
+    /// table or the final state of a run in it.
     fn restore(&self, recipe: &Recipe) -> Result<Option<BTreeMap<String, Output>>, PipelineError> {
         let Some(records) = self.outputs.get(&recipe.key.to_string()) else { return Ok(None) };
         let mut outputs = BTreeMap::new();
@@ -138,7 +155,8 @@ impl<'a> Driver<'a> {
             let Ok(bytes) = self.study.store().object(&digest) else { return Ok(None) };
             outputs.insert(record.path.clone(), self.publish(&record.path, &bytes)?);
         }
-        Ok(Some(outputs))
+        let states = states(self.study.store(), &outputs)?;
+        Ok(states.iter().all(|digest| self.study.store().has_object(digest)).then_some(outputs))
     }
 
     fn run(&self, stage: &'static Stage, recipe: &Recipe) -> Result<BTreeMap<String, Output>, PipelineError> {
@@ -149,8 +167,13 @@ impl<'a> Driver<'a> {
             let digest = self.study.store().put_object(bytes)?.to_string();
             records.push(OutputRecord { stage_key: recipe.key.to_string(), number, path: path.clone(), digest });
         }
-        self.check_same_bytes(stage, recipe, &records)?;
-        self.outputs.append(&records)?;
+        if self.retry_failed {
+            // A run that failed may have come to its end this time.
+            self.outputs.replace(&records)?;
+        } else {
+            self.check_same_bytes(stage, recipe, &records)?;
+            self.outputs.append(&records)?;
+        }
         outputs.files.iter().map(|(path, bytes)| Ok((path.clone(), self.publish(path, bytes)?))).collect()
     }
 

@@ -27,6 +27,24 @@ pub enum PipelineError {
         /// Why.
         source: StageError,
     },
+    /// A lock that is needed is not there.
+    #[error("there is no lock `{}`, so nobody can tell what is still needed; run `granulake repro`, or name the right file", path.display())]
+    NoLock {
+        /// Where it should be.
+        path: PathBuf,
+    },
+    /// A pin with this name cannot be a file.
+    #[error("`{name}` cannot name a pin; use letters, digits, `_`, `-` and `.`")]
+    PinName {
+        /// The name asked for.
+        name: String,
+    },
+    /// A pin of this name keeps other results.
+    #[error("`{}` keeps other results; take another name, or remove the file to let those go", path.display())]
+    PinTaken {
+        /// The pin.
+        path: PathBuf,
+    },
     /// No stage has this name.
     #[error("no stage is called `{name}`; there are: {known}")]
     UnknownStage {
@@ -82,7 +100,7 @@ impl Study {
         }
         let measured = config.read_measured().map_err(ConfigError::from)?;
         let store = Store::at(config.artifacts());
-        Ok(Self { config, measured, lock_path: path.with_extension("lock"), store })
+        Ok(Self { config, measured, lock_path: Self::lock_of(path), store })
     }
 
     /// Reads the study file alone.
@@ -91,6 +109,11 @@ impl Study {
     /// What is wrong in which line.
     pub fn config(path: &Path) -> Result<Config, PipelineError> {
         Ok(Config::load(path)?)
+    }
+
+    /// The lock file of the study at `path`.
+    pub fn lock_of(path: &Path) -> PathBuf {
+        path.with_extension("lock")
     }
 
     /// The artifacts directory.
@@ -121,7 +144,7 @@ impl Study {
     /// # Errors
     /// A ledger that cannot be read.
     pub fn campaign(&self, options: Options) -> Result<Campaign, PipelineError> {
-        Ok(Campaign::open(self.store.clone(), options)?)
+        Ok(Campaign::open(self.store.clone(), options)?.with_step_limit(self.config.study.step_limit))
     }
 
     /// What stages are given.

@@ -10,7 +10,7 @@ mod charts;
 mod document;
 mod html;
 mod markdown;
-mod numbers;
+pub mod numbers;
 mod paper;
 mod sections;
 mod summary;

@@ -1,9 +1,12 @@
 //! What a stage is given, and what it gives back.
 
 use super::SettingsText;
-use crate::campaign::{Campaign, CampaignError};
+use crate::campaign::{Campaign, CampaignError, KPI_VERSION};
 use crate::canonical::{CanonicalError, Encoder, digest};
 use crate::config::{Config, Measured};
+use crate::dem;
+use crate::experiments::Experiment;
+use crate::settings::Scope;
 use crate::store::{StoreError, table};
 use crate::tables::{Row, TableError, TableSpec};
 use std::path::Path;
@@ -103,6 +106,19 @@ impl Outputs {
         self.files.extend(table::files(spec, rows)?);
         Ok(())
     }
+}
+
+/// The settings that shape runs of `experiments` and what is read off them.
+pub fn run_settings(config: &Config, experiments: &[&dyn Experiment]) -> SettingsText {
+    let mut settings = text([
+        ("study.seed", config.study.seed.to_string()),
+        ("physics_version", dem::PHYSICS_VERSION.to_string()),
+        ("kpi_version", KPI_VERSION.to_string()),
+    ]);
+    settings.extend(config.settings_text(&["study.step_limit", "effects.active"]));
+    settings.extend(config.setup_text(experiments, Scope::Simulate));
+    settings.extend(config.setup_text(experiments, Scope::Measure));
+    settings
 }
 
 /// Settings as text from pairs.

@@ -1,7 +1,10 @@
 //! kpi: read every observable off the final state and the trace of every run.
 
+use super::context::text;
 use super::{Context, Outputs, SettingsText, Stage, StageError, design, no_simulations};
+use crate::campaign::KPI_VERSION;
 use crate::config::Config;
+use crate::settings::Scope;
 use crate::tables::Row;
 use crate::tables::list::{KpiRow, RunRow, SampleRow};
 
@@ -20,7 +23,10 @@ pub const STAGE: Stage = Stage {
 };
 
 fn settings(config: &Config) -> SettingsText {
-    config.settings_text(&["experiments", "setup", "effects.active"])
+    let mut settings = text([("kpi_version", KPI_VERSION.to_string())]);
+    settings.extend(config.settings_text(&["experiments", "effects.active"]));
+    settings.extend(config.setup_text(&config.experiments(), Scope::Measure));
+    settings
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {

@@ -2,13 +2,14 @@
 //!
 //! A full factorial covers the boundary (27 points for three parameters), a Latin hypercube fills the inside, spread
 //! conditional on the boundary points, and the validation points are spread conditional on both (paper, section 4.2).
+//! A hypercube of one point more is another hypercube; points that are added later are put between all others instead.
 
 use super::context::text;
 use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
 use crate::campaign::Point;
 use crate::config::Config;
-use crate::stats::design::factorial;
 use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
+use crate::stats::design::{factorial, farthest};
 use crate::stats::points::Points;
 use crate::tables::Row;
 use crate::tables::list::SampleRow;
@@ -45,9 +46,13 @@ pub fn draw(config: &Config, seed: u64) -> Result<Vec<SampleRow>, StageError> {
     let boundary = factorial(config.design.boundary_levels as usize, p);
     let interior = spread(config.design.interior as usize, &boundary, seed);
     let validation = spread(config.design.validation as usize, &boundary.joined(&interior), seed ^ 1);
+    let added = farthest(config.design.added as usize, &boundary.joined(&interior).joined(&validation))
+        .map_err(|error| StageError::Input { what: error.to_string(), remedy: "set design.added to 0" })?;
     let mut rows = Vec::new();
     let mut number = 0;
-    for (set, points) in [("boundary", &boundary), ("interior", &interior), ("validation", &validation)] {
+    // Added points come last, so that the others keep their numbers.
+    let sets = [("boundary", &boundary), ("interior", &interior), ("validation", &validation), ("interior", &added)];
+    for (set, points) in sets {
         for point in points.rows() {
             number += 1;
             rows.extend(point_rows(config, set, number, point)?);

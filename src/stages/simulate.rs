@@ -5,6 +5,7 @@ use super::{Context, Outputs, SettingsText, Stage, StageError, design};
 use crate::campaign::Request;
 use crate::config::Config;
 use crate::dem;
+use crate::settings::Scope;
 use crate::tables::Row;
 use crate::tables::list::{RunRow, SampleRow};
 
@@ -28,7 +29,8 @@ fn settings(config: &Config) -> SettingsText {
         ("study.repetitions", config.study.repetitions.to_string()),
         ("physics_version", dem::PHYSICS_VERSION.to_string()),
     ]);
-    settings.extend(config.settings_text(&["experiments", "setup", "effects.active"]));
+    settings.extend(config.settings_text(&["study.step_limit", "experiments", "effects.active"]));
+    settings.extend(config.setup_text(&config.experiments(), Scope::Simulate));
     settings
 }
 

@@ -1,11 +1,10 @@
 //! validate: runs of the held-out equipment at the optima, against a measurement that the calibration never saw.
 
-use super::context::text;
+use super::context::{run_settings, text};
 use super::optima::{self, Name, Results, finite, percent};
 use super::{Context, Outputs, SettingsText, Stage, StageError};
 use crate::campaign::Request;
 use crate::config::Config;
-use crate::dem;
 use crate::stats::special::student_t_quantile;
 use crate::stats::summary::Summary;
 use crate::tables::Row;
@@ -26,12 +25,9 @@ pub const STAGE: Stage = Stage {
 };
 
 fn settings(config: &Config) -> SettingsText {
-    let mut settings = text([
-        ("study.seed", config.study.seed.to_string()),
-        ("verify.counts", format!("{:?}", config.verify.counts)),
-        ("physics_version", dem::PHYSICS_VERSION.to_string()),
-    ]);
-    settings.extend(config.settings_text(&["validate", "setup", "effects.active", "statistics"]));
+    let mut settings = run_settings(config, &[config.validate.experiment]);
+    settings.extend(text([("verify.counts", format!("{:?}", config.verify.counts))]));
+    settings.extend(config.settings_text(&["validate", "statistics"]));
     settings
 }
 

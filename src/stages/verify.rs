@@ -1,11 +1,10 @@
 //! verify: new DEM runs at the optima, against the metamodel's prediction and the measured value.
 
-use super::context::text;
+use super::context::{run_settings, text};
 use super::optima::{self, Name, Results, finite, percent};
 use super::{Context, Outputs, SettingsText, Stage, StageError};
 use crate::campaign::Request;
 use crate::config::Config;
-use crate::dem;
 use crate::tables::Row;
 use crate::tables::list::{OptimumRow, PredictionRow, TargetRow, VERIFY_KPIS, VERIFY_RUNS, VerificationRow};
 
@@ -24,12 +23,9 @@ pub const STAGE: Stage = Stage {
 };
 
 fn settings(config: &Config) -> SettingsText {
-    let mut settings = text([
-        ("study.seed", config.study.seed.to_string()),
-        ("verify.counts", format!("{:?}", config.verify.counts)),
-        ("physics_version", dem::PHYSICS_VERSION.to_string()),
-    ]);
-    settings.extend(config.settings_text(&["experiments", "setup", "effects.active", "statistics"]));
+    let mut settings = run_settings(config, &config.experiments());
+    settings.extend(text([("verify.counts", format!("{:?}", config.verify.counts))]));
+    settings.extend(config.settings_text(&["experiments", "statistics"]));
     settings
 }
 

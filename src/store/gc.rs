@@ -28,7 +28,7 @@ impl Kind {
     /// The word for it.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Object => "unreferenced object",
+            Self::Object => "object nothing refers to",
             Self::Ledger => "folded ledger file",
             Self::Temporary => "unfinished file",
             Self::Quarantine => "damaged file",
@@ -66,7 +66,8 @@ pub fn find(store: &Store, live: &BTreeSet<Digest>) -> Result<Vec<Garbage>, Stor
     Ok(garbage)
 }
 
-/// Deletes what [`find`] listed; gives the bytes freed.
+/// Deletes what [`find`] listed; gives the bytes freed. Claim the store before listing, or another process may come to
+/// need in between what is about to go.
 ///
 /// # Errors
 /// [`StoreError::Busy`] when another process writes; [`StoreError::Io`].

@@ -5,6 +5,7 @@
 //!   objects/ab/abcd…              content-addressed bytes: final states, traces, outputs of every stage key seen
 //!   ledger/<kind>/                one keyed append-only collection of rows, see [`ledger`]
 //!   tables/<name>/…               outputs of the stages, see [`table`]; pipeline.lock holds their digests, see [`lock`]
+//!   pins/<name>.lock              copies of locks whose results stay, see [`gc`]
 //!   quarantine/                   damaged files, set aside and never read
 //!   .guard                        held by the one process that writes, see [`guard`]
 //! ```
@@ -28,6 +29,7 @@ pub use lock::{Lock, Output, StageLock};
 use crate::canonical::Digest;
 use crate::tables::Keyed;
 use guard::Guard;
+use ledger::layout::promised_digest;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -39,6 +41,8 @@ pub const OBJECTS: &str = "objects";
 pub const LEDGERS: &str = "ledger";
 /// Folder of the tables.
 pub const TABLES: &str = "tables";
+/// Folder of pinned locks.
+pub const PINS: &str = "pins";
 /// Folder of damaged files.
 pub const QUARANTINE: &str = "quarantine";
 
@@ -137,6 +141,20 @@ impl Store {
         Ok(Output { digest: Digest::of_content(bytes), bytes: bytes.len() as u64, rows: None })
     }
 
+    /// Stores a published file as an object again, if the object is gone and the file is the one in the lock.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`] or [`StoreError::Busy`].
+    pub fn recover_object(&self, relative: &str, output: &Output) -> Result<(), StoreError> {
+        if self.has_object(&output.digest) {
+            return Ok(());
+        }
+        match fs::read(self.root.join(relative)) {
+            Ok(bytes) if Digest::of_content(&bytes) == output.digest => self.put_object(&bytes).map(|_| ()),
+            _ => Ok(()),
+        }
+    }
+
     /// Removes a published file that nothing refers to any more.
     ///
     /// # Errors
@@ -146,9 +164,13 @@ impl Store {
         atomic::remove(&self.root.join(relative))
     }
 
-    /// Whether a published file is there with the size the lock holds.
+    /// Whether a published file is there as the lock has it. Of a file that carries its digest in its name the size must
+    /// do; any other is read, because another study in the same store may have put one of equal size in its place.
     pub fn has_output(&self, relative: &str, output: &Output) -> bool {
-        fs::metadata(self.root.join(relative)).is_ok_and(|found| found.is_file() && found.len() == output.bytes)
+        let path = self.root.join(relative);
+        let sized = fs::metadata(&path).is_ok_and(|found| found.is_file() && found.len() == output.bytes);
+        let named = promised_digest(&path) == Some(output.digest);
+        sized && (named || fs::read(&path).is_ok_and(|bytes| Digest::of_content(&bytes) == output.digest))
     }
 
     /// Opens the ledger of a kind. See [`Ledger::warnings`] for what was found damaged.
@@ -166,6 +188,16 @@ impl Store {
     pub fn ledger_kinds(&self) -> Result<Vec<String>, StoreError> {
         let folders = atomic::list(&self.root.join(LEDGERS))?.into_iter().filter(|path| path.is_dir());
         Ok(folders.filter_map(|path| path.file_name().map(|name| name.to_string_lossy().into_owned())).collect())
+    }
+
+    /// The pinned locks, in order.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub fn pins(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let mut paths = atomic::list(&self.root.join(PINS))?;
+        paths.retain(|path| path.extension().is_some_and(|extension| extension == "lock"));
+        Ok(paths)
     }
 
     /// Moves a damaged file into `quarantine/` under a name that says where it came from; gives its new place.

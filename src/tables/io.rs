@@ -18,6 +18,7 @@ use parquet::file::metadata::ParquetMetaDataReader;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::schema::types::ColumnPath;
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -148,8 +149,20 @@ pub fn decode(spec: &TableSpec, origin: &str, bytes: Bytes) -> Result<RecordBatc
 /// What the operating system or the reader said.
 pub fn rows_in_file(path: &Path) -> Result<u64, String> {
     let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
-    let metadata = ParquetMetaDataReader::new().parse_and_finish(&file).map_err(|e| e.to_string())?;
+    let metadata = unpanicked(|| ParquetMetaDataReader::new().parse_and_finish(&file)).map_err(|e| e.to_string())?;
     Ok(u64::try_from(metadata.file_metadata().num_rows()).unwrap_or(0))
+}
+
+/// Runs a reader of the parquet crate: some damaged files make it panic, which becomes an error as any other damage.
+///
+/// # Errors
+/// What the reader said, in one way or the other.
+pub fn unpanicked<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ParquetError> {
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
+        let said = panic.downcast_ref::<String>().map(String::as_str);
+        let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("the reader gave up");
+        Err(ParquetError::General(said.to_owned()))
+    })
 }
 
 /// How often every value of a text column of table `spec` occurs in a file; no other column is read.
@@ -159,12 +172,16 @@ pub fn rows_in_file(path: &Path) -> Result<u64, String> {
 pub fn text_counts(spec: &TableSpec, path: &Path, column: &str) -> Result<BTreeMap<String, u64>, TableError> {
     let origin = path.display().to_string();
     let fail = |e: ParquetError| TableError::in_memory(spec.name, parquet_fault(&e)).at(&origin);
-    let builder = ParquetRecordBatchReaderBuilder::try_new(Bytes::from(read_bytes(spec.name, path)?)).map_err(fail)?;
+    let bytes = Bytes::from(read_bytes(spec.name, path)?);
     let Some(known) = spec.column(column) else { return Ok(BTreeMap::new()) };
-    let mask = ProjectionMask::columns(builder.parquet_schema(), [column]);
+    let read = || -> Result<Vec<RecordBatch>, ParquetError> {
+        let builder = ParquetRecordBatchReaderBuilder::try_new(bytes)?;
+        let mask = ProjectionMask::columns(builder.parquet_schema(), [column]);
+        let batches = builder.with_projection(mask).with_batch_size(READ_ROWS).build()?;
+        Ok(batches.collect::<Result<_, _>>()?)
+    };
     let mut counts = BTreeMap::new();
-    for batch in builder.with_projection(mask).with_batch_size(READ_ROWS).build().map_err(fail)? {
-        let batch = batch.map_err(|e| fail(e.into()))?;
+    for batch in unpanicked(read).map_err(fail)? {
         let (_, array) = find(known, &batch).map_err(|fault| TableError::in_memory(spec.name, fault).at(&origin))?;
         for value in array.as_string_opt::<i32>().into_iter().flatten().flatten() {
             match counts.get_mut(value) {
@@ -214,12 +231,14 @@ fn properties(schema: &Schema) -> Result<WriterProperties, ParquetError> {
 
 /// All rows of a file as one batch. `foreign` ignores the Arrow schema another writer may have embedded.
 pub(super) fn read_batches(bytes: Bytes, foreign: bool) -> Result<RecordBatch, ParquetError> {
-    let options = ArrowReaderOptions::new().with_skip_arrow_metadata(foreign);
-    let builder = ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options)?.with_batch_size(READ_ROWS);
-    let schema = builder.schema().clone();
-    let mut batches: Vec<RecordBatch> = builder.build()?.collect::<Result<_, _>>()?;
-    if batches.len() == 1 {
-        return Ok(batches.remove(0).with_schema(schema)?);
-    }
-    Ok(concat_batches(&schema, &batches)?)
+    unpanicked(|| {
+        let options = ArrowReaderOptions::new().with_skip_arrow_metadata(foreign);
+        let builder = ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options)?.with_batch_size(READ_ROWS);
+        let schema = builder.schema().clone();
+        let mut batches: Vec<RecordBatch> = builder.build()?.collect::<Result<_, _>>()?;
+        if batches.len() == 1 {
+            return Ok(batches.remove(0).with_schema(schema)?);
+        }
+        Ok(concat_batches(&schema, &batches)?)
+    })
 }

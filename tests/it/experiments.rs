@@ -2,7 +2,7 @@
 
 use granulake::dem::{self, Action, ContactLaw, Event, Grains, Reference, State, TracePoint};
 use granulake::experiments::{self, EXPERIMENTS, Measurement, Reason};
-use granulake::settings::{Scope, Settings};
+use granulake::settings::{Scope, Settings, specs};
 
 const RADIUS: f64 = 2e-3;
 
@@ -409,4 +409,32 @@ fn the_extra_observables_see_what_they_are_there_to_see() {
     let (nominal, larger) = (count(5.02e-3), count(1.1 * 5.02e-3));
     // Only the mean is raised here, not the width, so the mass of a grain rises by somewhat less than 1.1³.
     assert!((0.70..0.85).contains(&(larger / nominal)), "{nominal} {larger}");
+}
+
+/// Keys of runs, of observables and of stages hold only what `used_by` and `scope` declare, so nothing else may be read.
+#[test]
+fn an_experiment_reads_only_the_settings_that_enter_its_keys() {
+    let settings = Settings::default();
+    let (state, trace) = (heap(30.0, 28.0), [TracePoint { time: 0.0, mass: 1.0 }, TracePoint { time: 1.0, mass: 0.1 }]);
+    for experiment in EXPERIMENTS {
+        let read = |scope| settings.for_experiment(experiment.name(), scope).into_iter().map(|(name, _)| name);
+        let simulated: Vec<&str> = read(Scope::Simulate).collect();
+        let known: Vec<&str> = read(Scope::Measure).chain(simulated.clone()).collect();
+        let (setup, measured) = (experiment.setup(&settings).unwrap(), experiment.measure(&settings, &state, &trace));
+        for spec in specs() {
+            let mut other = settings.clone();
+            let moved = [1.01 * settings[spec.name] + 1e-6, settings[spec.name] + 1.0];
+            if moved.into_iter().all(|value| other.set(spec.name, value).is_err()) {
+                continue;
+            }
+            if !simulated.contains(&spec.name) {
+                let found = experiment.setup(&other);
+                assert!(found.as_ref() == Ok(&setup), "{} is set up with {}", experiment.name(), spec.name);
+            }
+            if !known.contains(&spec.name) {
+                let found = experiment.measure(&other, &state, &trace);
+                assert!(found == measured, "{} is measured with {}", experiment.name(), spec.name);
+            }
+        }
+    }
 }

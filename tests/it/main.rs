@@ -3,9 +3,14 @@
 mod attribution;
 mod closed_loop;
 mod config;
+mod diff;
 mod effects;
 mod experiments;
+mod failures;
+mod faults;
+mod fuzz;
 mod golden;
+mod incremental;
 mod layering;
 mod least_squares;
 mod oracles_design;

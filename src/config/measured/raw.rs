@@ -3,10 +3,12 @@
 //! Numbers of a Parquet file become their shortest exact text, so that both formats go through the same checks.
 
 use crate::config::problem::{Place, Problem};
+use crate::tables::io::unpanicked;
 use arrow::array::{Array, AsArray, RecordBatch};
 use arrow::compute::cast;
 use arrow::datatypes::{DataType, Float64Type, Int64Type};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::errors::ParquetError;
 use std::path::Path;
 
 /// How a file is written.
@@ -101,14 +103,16 @@ fn cells(line: &str) -> Option<Vec<String>> {
 }
 
 fn parquet(path: &Path, file: &str) -> Result<RawTable, String> {
-    let broken = |error: &dyn std::fmt::Display| format!("cannot be read as Parquet: {error}; write it again");
     let source = std::fs::File::open(path).map_err(|error| format!("cannot be read: {error}"))?;
-    let builder = ParquetRecordBatchReaderBuilder::try_new(source).map_err(|error| broken(&error))?;
-    let header = builder.schema().fields().iter().map(|field| field.name().clone()).collect();
+    let read = || -> Result<(Vec<String>, Vec<RecordBatch>), ParquetError> {
+        let builder = ParquetRecordBatchReaderBuilder::try_new(source)?;
+        let header = builder.schema().fields().iter().map(|field| field.name().clone()).collect();
+        Ok((header, builder.build()?.collect::<Result<_, _>>()?))
+    };
+    let broken = |error: ParquetError| format!("cannot be read as Parquet: {error}; write it again");
+    let (header, batches) = unpanicked(read).map_err(broken)?;
     let mut rows = Vec::new();
-    for batch in builder.build().map_err(|error| broken(&error))? {
-        append(&mut rows, &batch.map_err(|error| broken(&error))?)?;
-    }
+    batches.iter().try_for_each(|batch| append(&mut rows, batch))?;
     Ok(RawTable { file: file.to_owned(), header_place: Place::File, header, rows })
 }
 

@@ -16,6 +16,7 @@ pub fn section(report: &Report) -> Section {
     blocks.extend(design(report));
     blocks.extend(runs(report));
     blocks.extend(failures(report));
+    blocks.extend(fewer_values(report));
     blocks.extend(scatter(report));
     Section { id: "runs", title: "What was run".to_string(), blocks }
 }
@@ -173,6 +174,36 @@ fn failures(report: &Report) -> Vec<Block> {
         vec![cell(words::label(&experiment)), cell(what), cell(kind.example), cell(count(kind.runs.len()))]
     });
     vec![Block::Table(table.with_rows(rows))]
+}
+
+/// Where means stand on fewer values than repetitions, and on how many.
+fn fewer_values(report: &Report) -> Option<Block> {
+    let n = report.aggregates.iter().map(|row| row.n).max()?;
+    let mut counts: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
+    for row in report.aggregates.iter().filter(|row| row.n == n) {
+        counts.entry(&row.kpi).or_default().push(row.count);
+    }
+    counts.retain(|_, counts| counts.iter().any(|count| *count < n));
+    if counts.is_empty() {
+        return None;
+    }
+    let caption = format!(
+        "Observables with fewer than {n} values at a design point; means, intervals and metamodels \
+                           stand on those there are"
+    );
+    let headings = ["observable", "#points with fewer", "#of points", "#fewest values", "#values missing"];
+    let rows = ranked(counts.keys().copied()).into_iter().map(|kpi| {
+        let counts = &counts[kpi];
+        let missing: u32 = counts.iter().map(|count| n - count).sum();
+        vec![
+            cell(words::title(kpi)),
+            cell(count(counts.iter().filter(|count| **count < n).count())),
+            cell(count(counts.len())),
+            cell(counts.iter().min().map_or(String::new(), u32::to_string)),
+            cell(count(missing as usize)),
+        ]
+    });
+    Some(Block::Table(Table::new(caption, &headings).with_rows(rows)))
 }
 
 /// Mean over the number of repetitions at the point nearest to the centre of the design (as Fig. 6 of the paper).

@@ -5,9 +5,9 @@
 //! saturate: the mass that cohesion holds on a shelf grows like a root of the Bond number. With the runs of the design,
 //! where every strength is zero, these points train the metamodels of `joint`.
 
-use super::lab::{Job, Lab};
+use super::lab::{Job, Lab, requests_of};
 use super::moments::{Batch, Statistic};
-use crate::campaign::{CampaignError, Point};
+use crate::campaign::{CampaignError, Point, Request};
 use crate::effects::{self, Effect};
 use crate::stages::{Context, StageError};
 use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
@@ -31,22 +31,7 @@ struct EffectRuns {
 impl Anchors {
     /// Simulates the anchors, or looks them up.
     pub fn simulate(context: &Context, lab: &mut Lab) -> Result<Self, StageError> {
-        let diagnose = &context.config.diagnose;
-        let centre = point_at(context, 1, &vec![0.5; context.config.parameters.len()])?;
-        let mut jobs = vec![job(context, "anchors".to_owned(), centre, diagnose.refine_repetitions)];
-        let mut plan = Vec::new();
-        for name in &diagnose.candidates {
-            let effect = effects::find(name).map_err(CampaignError::from)?;
-            let unit = anchor_points(context, name, effect);
-            for (index, x) in unit.rows().enumerate() {
-                let (u, place) = x.split_at(x.len() - 1);
-                let strength = strength_at(effect.range(), place[0]);
-                let point = point_at(context, index as u32 + 1, u)?;
-                let point = with_more(context, &point, &[(name.clone(), strength)]);
-                jobs.push(job(context, format!("anchors/{name}"), point, diagnose.anchor_repetitions));
-            }
-            plan.push((name.clone(), unit));
-        }
+        let (jobs, plan) = jobs(context)?;
         let mut batches = lab.run(&jobs)?.into_iter();
         let centre = batches.next().unwrap_or_default();
         let runs = |(name, unit): (String, Points)| {
@@ -73,6 +58,37 @@ impl Anchors {
             counts: series.iter().map(Vec::len).collect(),
         })
     }
+}
+
+/// The runs that every diagnosis needs, known before anything is: the centre, then the anchors of every candidate.
+pub fn requests(context: &Context) -> Result<Vec<Request>, StageError> {
+    let (jobs, _) = jobs(context)?;
+    let requests = jobs.iter().map(|job| requests_of(context, job)).collect::<Result<Vec<_>, _>>()?;
+    Ok(requests.concat())
+}
+
+/// The anchors of every candidate by name, in order.
+type AnchorPoints = Vec<(String, Points)>;
+
+/// The centre and the anchors as jobs, and the points of every candidate.
+fn jobs(context: &Context) -> Result<(Vec<Job>, AnchorPoints), StageError> {
+    let diagnose = &context.config.diagnose;
+    let centre = point_at(context, 1, &vec![0.5; context.config.parameters.len()])?;
+    let mut jobs = vec![job(context, "anchors".to_owned(), centre, diagnose.refine_repetitions)];
+    let mut plan = Vec::new();
+    for name in &diagnose.candidates {
+        let effect = effects::find(name).map_err(CampaignError::from)?;
+        let unit = anchor_points(context, name, effect);
+        for (index, x) in unit.rows().enumerate() {
+            let (u, place) = x.split_at(x.len() - 1);
+            let strength = strength_at(effect.range(), place[0]);
+            let point = point_at(context, index as u32 + 1, u)?;
+            let point = with_more(context, &point, &[(name.clone(), strength)]);
+            jobs.push(job(context, format!("anchors/{name}"), point, diagnose.anchor_repetitions));
+        }
+        plan.push((name.clone(), unit));
+    }
+    Ok((jobs, plan))
 }
 
 /// The strength at a place of its range, 0 at the lower end and 1 at the upper one.

@@ -42,7 +42,7 @@ impl<'a> Lab<'a> {
         let mut requests = Vec::new();
         let mut ends = Vec::new();
         for job in jobs {
-            requests.extend(self.requests(job)?);
+            requests.extend(requests_of(self.context, job)?);
             ends.push(requests.len());
         }
         let runs = self.context.campaign.simulate(&requests)?;
@@ -52,16 +52,17 @@ impl<'a> Lab<'a> {
         self.kpis.extend(kpis);
         Ok(batches)
     }
+}
 
-    fn requests(&self, job: &Job) -> Result<Vec<Request>, StageError> {
-        let point = Arc::new(job.point.clone());
-        let mut requests = Vec::new();
-        for experiment in &job.experiments {
-            let range = 1..=job.repetitions;
-            requests.extend(Request::batch(&job.label, *experiment, &point, range, self.context.config.study.seed)?);
-        }
-        Ok(requests)
+/// The runs of a job.
+pub fn requests_of(context: &Context, job: &Job) -> Result<Vec<Request>, StageError> {
+    let point = Arc::new(job.point.clone());
+    let mut requests = Vec::new();
+    for experiment in &job.experiments {
+        let range = 1..=job.repetitions;
+        requests.extend(Request::batch(&job.label, *experiment, &point, range, context.config.study.seed)?);
     }
+    Ok(requests)
 }
 
 /// Splits the rows by label and point number, which no two jobs share.

@@ -19,11 +19,11 @@ mod moments;
 mod rows;
 mod verdict;
 
-use super::context::text;
+use super::context::{run_settings, text};
 use super::models::Models;
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError};
+use crate::campaign::Request;
 use crate::config::{Config, Measured};
-use crate::dem;
 use crate::tables::Row;
 use crate::tables::list::{
     AggregateRow, AttributionRow, BeforeAfterRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HyperparameterRow,
@@ -53,27 +53,28 @@ pub const STAGE: Stage = Stage {
     measured: true,
     settings,
     run,
-    simulations: no_simulations,
+    simulations,
 };
 
 fn settings(config: &Config) -> SettingsText {
-    let mut settings = text([
-        ("study.seed", config.study.seed.to_string()),
-        ("study.repetitions", config.study.repetitions.to_string()),
-        ("physics_version", dem::PHYSICS_VERSION.to_string()),
-    ]);
+    let mut experiments = config.experiments();
+    experiments.push(config.validate.experiment);
+    let mut settings = run_settings(config, &experiments);
+    settings.extend(text([("study.repetitions", config.study.repetitions.to_string())]));
     settings.extend(config.settings_text(&[
         "diagnose",
-        "effects",
+        "effects.accept",
         "validate",
-        "setup",
         "parameters",
         "experiments",
+        "metamodel",
         "prior",
-        "measured",
         "statistics",
         "study.resolution",
     ]));
+    let comparable = config.measured.iter().map(|set| format!("measured.{}.comparable", set.name));
+    settings
+        .extend(config.settings_text(&comparable.collect::<Vec<_>>().iter().map(String::as_str).collect::<Vec<_>>()));
     settings
 }
 
@@ -108,6 +109,11 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
     outputs.table(tables.recalibration)?;
     outputs.table(tables.before_after)?;
     Ok(outputs)
+}
+
+/// The anchors; how many runs at the optima follow, nobody knows before they are diagnosed.
+fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
+    anchors::requests(context).map(Some)
 }
 
 fn diagnosed<'a>(context: &Context<'a>) -> impl Iterator<Item = &'a Measured> {

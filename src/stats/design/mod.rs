@@ -9,7 +9,7 @@ pub mod latin;
 pub mod metrics;
 pub mod sobol;
 
-use super::points::Points;
+use super::points::{Points, squared_distance};
 
 /// All combinations of `levels` equally spaced values per parameter, 0 and 1 included; shape (levels^p, p).
 ///
@@ -34,9 +34,54 @@ pub fn factorial(levels: usize, dimension: usize) -> Points {
     points
 }
 
+/// `count` points, each as far as can be from `existing` and from those before it, out of the first points of the
+/// [`sobol`] sequence. The first ones do not depend on how many follow, so a design that grows keeps what it had.
+///
+/// # Errors
+/// [`sobol::TooManyDimensions`], if any point is asked for.
+pub fn farthest(count: usize, existing: &Points) -> Result<Points, sobol::TooManyDimensions> {
+    let mut chosen = Points::empty(existing.dimension());
+    if count == 0 {
+        return Ok(chosen);
+    }
+    let candidates = sobol::Sobol::new(existing.dimension())?.take(CANDIDATES);
+    let mut nearest = vec![f64::INFINITY; candidates.len()];
+    existing.rows().for_each(|point| approach(&mut nearest, &candidates, point));
+    for _ in 0..count {
+        let farther = |a: &usize, b: &usize| nearest[*a].total_cmp(&nearest[*b]).then(b.cmp(a));
+        let Some(index) = (0..nearest.len()).max_by(farther) else { break };
+        chosen.push(candidates.row(index));
+        approach(&mut nearest, &candidates, candidates.row(index));
+    }
+    Ok(chosen)
+}
+
+/// Points of the sequence among which [`farthest`] chooses.
+const CANDIDATES: usize = 4096;
+
+/// Lowers the squared distance of every candidate to its nearest point, now that there is `point`.
+fn approach(nearest: &mut [f64], candidates: &Points, point: &[f64]) {
+    for (distance, candidate) in nearest.iter_mut().zip(candidates.rows()) {
+        *distance = distance.min(squared_distance(candidate, point));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn added_points_lie_far_from_all_and_do_not_move_when_more_follow() {
+        let corners = factorial(2, 2);
+        let few = farthest(3, &corners).unwrap();
+        assert!(few.row(0).iter().all(|x| (x - 0.5).abs() < 1e-6), "the middle is farthest from the corners");
+        let more = farthest(20, &corners).unwrap();
+        assert!(few.rows().eq(more.rows().take(3)));
+        assert!(metrics::min_distance(&corners.joined(&more)) > 0.1);
+        assert!(farthest(0, &Points::empty(99)).unwrap().is_empty());
+        assert!(farthest(1, &Points::empty(99)).is_err());
+        assert_eq!(farthest(2, &Points::empty(1)).unwrap().len(), 2);
+    }
 
     #[test]
     fn three_levels_of_three_parameters_are_the_boundary_sample() {

@@ -1,6 +1,9 @@
 //! A temporary folder with a study in it, and the real binary run there.
 
-use granulake::store::table;
+use granulake::campaign::RunRecord;
+use granulake::stages::STAGES;
+use granulake::store::atomic::TEMPORARY;
+use granulake::store::{Store, table};
 use granulake::tables::Row;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,6 +32,14 @@ impl Study {
             study.write(name, text);
         }
         study
+    }
+
+    /// The quick study, which runs the whole loop in half a second and means nothing.
+    pub fn quick() -> Self {
+        Self::new(&[
+            ("pipeline.toml", include_str!("../../data/quick/pipeline.toml")),
+            ("lab.csv", include_str!("../../data/quick/lab.csv")),
+        ])
     }
 
     /// Path of a file in the folder.
@@ -92,11 +103,58 @@ impl Study {
         outputs
     }
 
+    /// The store as another process sees it.
+    pub fn store(&self) -> Store {
+        Store::at(self.path("artifacts"))
+    }
+
+    /// Number of runs that the store has.
+    pub fn runs(&self) -> usize {
+        self.store().ledger::<RunRecord>("runs").expect("a ledger").len()
+    }
+
+    /// Asserts that tables, report and lock are these.
+    pub fn assert_outputs(&self, wanted: &BTreeMap<String, Vec<u8>>, when: &str) {
+        let found = self.outputs();
+        assert_eq!(found.keys().collect::<Vec<_>>(), wanted.keys().collect::<Vec<_>>(), "{when}");
+        for (name, bytes) in &found {
+            assert!(bytes == &wanted[name], "{when}: {name} differs");
+        }
+    }
+
+    /// Asserts that every stage which is called fresh has the outputs that it has in `wanted`.
+    pub fn assert_nothing_fresh_is_wrong(&self, wanted: &BTreeMap<String, Vec<u8>>, when: &str) {
+        let status = self.status();
+        for stage in STAGES.iter().filter(|stage| status[stage.name] == "fresh") {
+            let folders = stage.writes.iter().map(|spec| format!("artifacts/tables/{}/", spec.name));
+            let own: Vec<String> = folders.chain(stage.files.iter().map(|file| format!("artifacts/{file}"))).collect();
+            for (name, bytes) in wanted.iter().filter(|(name, _)| own.iter().any(|start| name.starts_with(start))) {
+                let found = std::fs::read(self.path(name)).unwrap_or_default();
+                assert!(&found == bytes, "{when}: {} is called fresh, but {name} differs", stage.name);
+            }
+        }
+    }
+
     /// The plan of one stage as JSON.
     pub fn plan(&self, stage: &str, arguments: &[&str]) -> serde_json::Value {
         let ended = self.succeed(&[&["plan", "--json"], arguments].concat());
         let plan: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
         plan.as_array().and_then(|rows| rows.iter().find(|row| row["stage"] == stage)).expect("the stage").clone()
+    }
+
+    /// The state of every stage, by name.
+    pub fn status(&self) -> BTreeMap<String, String> {
+        let ended = self.run(&["status", "--json"]);
+        let states: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
+        let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+        states.as_array().expect("stages").iter().map(|stage| (text(&stage["stage"]), text(&stage["state"]))).collect()
+    }
+
+    /// The stages that a repro ran, in order; each of the others was fresh.
+    pub fn ran(&self, arguments: &[&str]) -> Vec<&'static str> {
+        let done = self.repro(arguments);
+        assert!(done.values().all(|action| action == "ran" || action == "fresh"), "{done:?}");
+        STAGES.iter().map(|stage| stage.name).filter(|name| done.get(*name).is_some_and(|what| what == "ran")).collect()
     }
 
     /// What a repro did, by stage.
@@ -114,7 +172,7 @@ fn collect(folder: &Path, root: &Path, outputs: &mut BTreeMap<String, Vec<u8>>) 
         let path = entry.expect("an entry").path();
         if path.is_dir() {
             collect(&path, root, outputs);
-        } else {
+        } else if !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(TEMPORARY)) {
             let name = path.strip_prefix(root).expect("inside").to_string_lossy().into_owned();
             outputs.insert(name, std::fs::read(&path).expect("a file"));
         }
