@@ -36,6 +36,11 @@ const REFINED: usize = 6;
 /// Length of the walk behind the credible intervals.
 const SAMPLING: Sampling = Sampling { seed: 0, walkers: 24, burn_in: 150, sweeps: 350 };
 
+/// The walk over `parameters` parameters: an ensemble needs at least two walkers more than twice as many.
+fn sampling(seed: u64, parameters: usize) -> Sampling {
+    Sampling { seed, walkers: SAMPLING.walkers.max(2 * (parameters + 1)), ..SAMPLING }
+}
+
 fn settings(config: &Config) -> SettingsText {
     let mut settings = text([
         ("study.seed", config.study.seed.to_string()),
@@ -167,7 +172,7 @@ impl Work<'_> {
         let last = n == self.context.config.study.repetitions;
         Ok(Solution {
             flat: self.flat_directions(&problem, &calibration.x),
-            marginals: last.then(|| sample(&problem, &Sampling { seed: self.seed, ..SAMPLING }).marginals()),
+            marginals: last.then(|| sample(&problem, &sampling(self.seed, problem.dimension())).marginals()),
             calibration,
         })
     }

@@ -2,6 +2,7 @@
 
 use crate::support::Study;
 use granulake::stages::STAGES;
+use granulake::tables::SampleRow;
 
 /// Runs of the quick study: 5 points, 2 repetitions, 2 fitted experiments.
 const DESIGN_RUNS: usize = 5 * 2 * 2;
@@ -73,6 +74,17 @@ fn an_added_point_costs_one_point() {
     study.edit("pipeline.toml", "added = 1", "added = 3");
     study.succeed(&["repro", "simulate"]);
     assert_eq!(study.runs() - runs, 12, "the first added point stays where it is");
+}
+
+#[test]
+fn a_design_without_a_boundary_is_a_plain_hypercube() {
+    let study = Study::quick();
+    study.edit("pipeline.toml", "boundary_levels = 2", "boundary_levels = 0");
+    study.edit("pipeline.toml", "interior = 2", "interior = 6");
+    study.succeed(&["repro", "sample"]);
+    let rows = study.table::<SampleRow>();
+    assert_eq!(rows.iter().filter(|row| row.set == "interior").count(), 6);
+    assert!(rows.iter().all(|row| row.set != "boundary"));
 }
 
 #[test]

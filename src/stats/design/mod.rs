@@ -11,15 +11,16 @@ pub mod sobol;
 
 use super::points::{Points, squared_distance};
 
-/// All combinations of `levels` equally spaced values per parameter, 0 and 1 included; shape (levels^p, p).
+/// All combinations of `levels` equally spaced values per parameter, 0 and 1 included; shape (levels^p, p), no point
+/// at all for no level.
 ///
 /// With three levels and three parameters the 27 points of the paper's boundary sample: corners, mid-edges, face
 /// centres and the centre (section 4.2). The last parameter varies fastest.
 ///
 /// # Panics
-/// If there are fewer than two levels.
+/// If there is one level, which spans nothing.
 pub fn factorial(levels: usize, dimension: usize) -> Points {
-    assert!(levels >= 2, "a factorial needs two levels");
+    assert!(levels != 1, "a factorial needs two levels");
     let exponent = u32::try_from(dimension).expect("a few parameters");
     let mut points = Points::empty(dimension);
     for index in 0..levels.pow(exponent) {
