@@ -7,12 +7,14 @@
 
 mod measure;
 mod progress;
+mod provenance;
 mod records;
 mod request;
 
 pub use measure::{KPI_VERSION, kpi_key};
 pub use progress::Progress;
-pub use records::{FAILED, KpiRecord, OK, RunRecord, TimingRecord};
+pub use provenance::Stopwatch;
+pub use records::{FAILED, KpiRecord, OK, RunRecord};
 pub use request::{Point, Request, Values, run_seed};
 
 use crate::canonical::{CanonicalError, Digest};
@@ -22,11 +24,17 @@ use crate::experiments::SetupError;
 use crate::settings::{Settings, SettingsError};
 use crate::store::{Ledger, Store, StoreError};
 use crate::tables::TableError;
-use crate::tables::list::RunRow;
+use crate::tables::list::{ProvenanceRow, RunRow};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::Mutex;
-use std::time::Instant;
+
+/// The ledger of what results were made by and what they cost.
+pub const PROVENANCE: &str = "provenance";
+const RUN: &str = "run";
+const STAGE: &str = "stage";
+
+/// Runs that an expected cost is averaged over, at most.
+const COSTS: usize = 500;
 
 /// Why a campaign cannot go on; a failed run is not among the reasons.
 #[derive(Debug, thiserror::Error)]
@@ -70,7 +78,7 @@ pub struct Campaign {
     store: Store,
     runs: Ledger<RunRecord>,
     kpis: Ledger<KpiRecord>,
-    timings: Ledger<TimingRecord>,
+    provenance: Ledger<ProvenanceRow>,
     pool: rayon::ThreadPool,
     progress: Progress,
     retry_failed: bool,
@@ -106,13 +114,15 @@ struct Resolved<'a> {
     key: Digest,
 }
 
-/// How many runs of an experiment a campaign holds already, how many it lacks and what the latter would cost.
+/// How many runs of an experiment are asked for, how many of them the store lacks, and what one costs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outlook {
     /// Runs asked for.
     pub wanted: usize,
     /// Runs the store lacks.
     pub missing: usize,
+    /// Mean processor time of a run [s]: of those asked for that the store has, else of all runs of the experiment.
+    pub seconds: Option<f64>,
 }
 
 impl Campaign {
@@ -128,7 +138,7 @@ impl Campaign {
         Ok(Self {
             runs: store.ledger("runs")?,
             kpis: store.ledger("kpis")?,
-            timings: store.ledger("timings")?,
+            provenance: store.ledger(PROVENANCE)?,
             store,
             pool,
             progress: Progress::new(options.progress),
@@ -166,27 +176,48 @@ impl Campaign {
         resolved.iter().map(|run| self.run_row(run)).collect()
     }
 
-    /// How many of the requests are new, by experiment.
+    /// How many of the requests are new and what a run costs, by experiment.
     ///
     /// # Errors
     /// Settings that make no set-up.
     pub fn outlook(&self, requests: &[Request]) -> Result<BTreeMap<&'static str, Outlook>, CampaignError> {
         let resolved = self.resolve(requests)?;
         let mut outlook: BTreeMap<&'static str, Outlook> = BTreeMap::new();
-        for run in &resolved {
-            outlook.entry(run.request.experiment.name()).or_default().wanted += 1;
-        }
         for run in self.missing(&resolved) {
             outlook.entry(run.request.experiment.name()).or_default().missing += 1;
+        }
+        let mut costs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        for run in &resolved {
+            let name = run.request.experiment.name();
+            outlook.entry(name).or_default().wanted += 1;
+            let costs = costs.entry(name).or_default();
+            if costs.len() < COSTS {
+                costs.extend(self.seconds(&run.key));
+            }
+        }
+        for (name, outlook) in &mut outlook {
+            outlook.seconds = mean(&costs[name]).or_else(|| self.seconds_of_all(name));
         }
         Ok(outlook)
     }
 
-    /// Mean CPU seconds per run of an experiment over the runs the store has timed.
-    pub fn seconds_per_run(&self, experiment: &str) -> Option<f64> {
-        let seconds: Vec<f64> =
-            self.timings.rows().filter(|row| row.experiment == experiment).map(|row| row.cpu_seconds).collect();
-        (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64)
+    /// Processor time of a run [s], if the store knows it.
+    fn seconds(&self, key: &Digest) -> Option<f64> {
+        self.provenance.rows_of(key)?.first().map(cost)
+    }
+
+    /// Mean processor time over the runs of an experiment [s], whatever their settings.
+    fn seconds_of_all(&self, experiment: &str) -> Option<f64> {
+        let of_experiment = |row: &ProvenanceRow| row.subject == RUN && row.name == experiment;
+        mean(&self.provenance.rows().filter(of_experiment).take(COSTS).map(|row| cost(&row)).collect::<Vec<_>>())
+    }
+
+    /// Keeps what the outputs of a stage were made by and what they cost.
+    ///
+    /// # Errors
+    /// A store that cannot be written.
+    pub fn record_stage(&self, key: &Digest, stage: &str, watch: &Stopwatch) -> Result<(), CampaignError> {
+        Ok(self.provenance.replace(&[watch.stop(key.to_string(), STAGE, stage)])?)
     }
 
     /// Takes runs that came to their end out of the tables of a study, where the ledger has lost them.
@@ -206,7 +237,7 @@ impl Campaign {
     pub fn compact(&self) -> Result<(), CampaignError> {
         self.runs.compact()?;
         self.kpis.compact()?;
-        self.timings.compact()?;
+        self.provenance.compact()?;
         Ok(())
     }
 
@@ -248,45 +279,45 @@ impl Campaign {
 
     fn compute(&self, missing: &[&Resolved]) -> Result<(), CampaignError> {
         let bar = self.progress.bar("simulate", missing.len());
-        let timings = Mutex::new(Vec::new());
         let outcome = self.pool.install(|| {
             missing.par_iter().with_max_len(1).try_for_each(|run| {
-                let (record, seconds) = self.run(run)?;
+                let record = self.run(run)?;
                 match self.standing(&run.key) {
                     Standing::Outdated => self.runs.replace(&[record])?,
                     Standing::Known | Standing::Missing => self.runs.append(&[record])?,
-                }
-                let experiment = run.request.experiment.name().to_owned();
-                let timing = TimingRecord { run_key: run.key.to_string(), experiment, cpu_seconds: seconds };
-                if let Ok(mut timings) = timings.lock() {
-                    timings.push(timing);
                 }
                 bar.inc(1);
                 Ok(())
             })
         });
         bar.finish_and_clear();
-        let timings = timings.into_inner().unwrap_or_default();
-        self.timings.replace(&timings)?;
         outcome
     }
 
-    /// Simulates one run and publishes its final state and trace.
-    fn run(&self, run: &Resolved) -> Result<(RunRecord, f64), CampaignError> {
+    /// Simulates one run; publishes what it cost, its final state and its trace.
+    fn run(&self, run: &Resolved) -> Result<RunRecord, CampaignError> {
         let setup = run.request.experiment.setup(&run.settings)?;
-        let start = Instant::now();
+        let watch = Stopwatch::of_thread();
         let outcome = dem::simulate_within(&setup, run.request.seed, self.step_limit);
-        let seconds = start.elapsed().as_secs_f64();
-        let record = match outcome {
+        self.provenance.replace(&[watch.stop(run.key.to_string(), RUN, run.request.experiment.name())])?;
+        Ok(match outcome {
             Ok(outcome) => {
                 let state = self.store.put_object(&records::state_bytes(&outcome.state)?)?;
                 let trace = self.store.put_object(&records::trace_bytes(&outcome.trace)?)?;
                 RunRecord::finished(run.key, &outcome, state, trace)
             }
             Err(failure) => RunRecord::failed(run.key, &failure),
-        };
-        Ok((record, seconds))
+        })
     }
+}
+
+/// Processor time [s], wall time where that is unknown.
+fn cost(row: &ProvenanceRow) -> f64 {
+    row.cpu_s.unwrap_or(row.wall_s)
+}
+
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 impl Campaign {

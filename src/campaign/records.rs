@@ -57,18 +57,6 @@ table! {
     }
 }
 
-table! {
-    /// What a run cost here; provenance, never an input of a result.
-    pub struct TimingRecord in "ledger_timings" version 1 keyed by run_key sorted by (run_key) {
-        /// Content key of the run.
-        run_key: String [""],
-        /// Experiment.
-        experiment: String [""],
-        /// Seconds of one core.
-        cpu_seconds: f64 ["s"],
-    }
-}
-
 impl RunRecord {
     /// A run that came to its end.
     pub(super) fn finished(key: Digest, outcome: &Outcome, state: Digest, trace: Digest) -> Self {

@@ -23,7 +23,8 @@ Examples:
   granulake plan train
   granulake --study studies/fransen2022.toml plan --json
 
-Costs come from the simulations timed so far in this store; before the first one, a minute each is assumed and said.
+Costs come from the simulations timed so far: those of this plan, else all of the same experiment in this store; before
+the first one, a minute each is assumed and said.
 Of diagnose the anchors of all effects are counted; its runs at optima are known only when those are.")]
 pub struct Arguments {
     /// Last stage; all stages when left out.
@@ -80,12 +81,11 @@ fn row(study: &Study, campaign: &Campaign, step: &Step) -> Result<Row, CliError>
     let mut row = Row { stage: step.stage, state: step.state.clone(), runs: None, guessed: false };
     if let Some(requests) = (stage.simulations)(&study.context(campaign)).map_err(failed)? {
         let (mut wanted, mut missing, mut hours) = (0, 0, 0.0);
-        for (experiment, outlook) in campaign.outlook(&requests)? {
-            let seconds = campaign.seconds_per_run(experiment);
-            row.guessed |= seconds.is_none() && outlook.missing > 0;
+        for outlook in campaign.outlook(&requests)?.into_values() {
+            row.guessed |= outlook.seconds.is_none() && outlook.missing > 0;
             wanted += outlook.wanted;
             missing += outlook.missing;
-            hours += outlook.missing as f64 * seconds.unwrap_or(GUESS_SECONDS) / 3600.0;
+            hours += outlook.missing as f64 * outlook.seconds.unwrap_or(GUESS_SECONDS) / 3600.0;
         }
         row.runs = Some((wanted, missing, hours));
     }

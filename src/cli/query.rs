@@ -30,10 +30,12 @@ enum Format {
 /// Runs the query over the tables of the study and prints the answer to stdout.
 #[cfg(feature = "query")]
 pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
+    use crate::campaign::PROVENANCE;
     use crate::pipeline::Study;
     use crate::store::table;
+    use crate::tables::{Row, io, list::ProvenanceRow};
     use polars::prelude::*;
-    use std::io::Write;
+    use std::io::{Cursor, Write};
     use std::path::PathBuf;
     let study = Study::load(study)?;
     let mut context = polars::sql::SQLContext::new();
@@ -48,6 +50,11 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         if !parts.is_empty() {
             context.register(spec.name, concat(parts, UnionArgs::default())?);
         }
+    }
+    if arguments.sql.to_lowercase().contains(PROVENANCE) {
+        let rows = study.store().ledger::<ProvenanceRow>(PROVENANCE)?.all()?;
+        let bytes = io::encode(ProvenanceRow::SPEC, &rows)?;
+        context.register(PROVENANCE, ParquetReader::new(Cursor::new(bytes)).finish()?.lazy());
     }
     let mut frame = context.execute(&arguments.sql)?.collect()?;
     let names: Vec<String> = frame.get_column_names().iter().map(ToString::to_string).collect();

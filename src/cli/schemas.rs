@@ -2,7 +2,7 @@
 
 use super::{CliError, Outcome};
 use crate::config::schema;
-use crate::tables::list::TABLES;
+use crate::tables::list::{BESIDE, TABLES};
 use crate::tables::schema::describe;
 use clap::Args;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ pub struct Arguments {
 
 /// Name and text of every schema.
 pub fn texts() -> Vec<(String, String)> {
-    let tables = TABLES.iter().map(|table| (format!("{}.json", table.name), describe(table)));
+    let tables = TABLES.iter().chain(BESIDE).map(|table| (format!("{}.json", table.name), describe(table)));
     tables.chain([("pipeline.schema.json".to_owned(), schema::text())]).collect()
 }
 

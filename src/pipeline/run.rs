@@ -3,7 +3,7 @@
 use super::integrity::states;
 use super::plan::{Recipe, State, assess_stage, leftovers, recipe, selection};
 use super::study::{PipelineError, Study};
-use crate::campaign::{Campaign, FAILED, Options};
+use crate::campaign::{Campaign, FAILED, Options, Stopwatch};
 use crate::canonical::{Digest, Encoder, digest};
 use crate::stages::Stage;
 use crate::store::{Ledger, Lock, Output, StageLock, table};
@@ -161,7 +161,9 @@ impl<'a> Driver<'a> {
 
     fn run(&self, stage: &'static Stage, recipe: &Recipe) -> Result<BTreeMap<String, Output>, PipelineError> {
         let context = self.study.context(&self.campaign);
+        let watch = Stopwatch::of_process();
         let outputs = (stage.run)(&context).map_err(|source| PipelineError::Stage { stage: stage.name, source })?;
+        self.campaign.record_stage(&recipe.key, stage.name, &watch)?;
         let mut records = Vec::new();
         for ((path, bytes), number) in outputs.files.iter().zip(1..) {
             let digest = self.study.store().put_object(bytes)?.to_string();

@@ -559,6 +559,33 @@ table! {
     }
 }
 
+table! {
+    /// By what, on what and at what cost a run or the outputs of a stage were made; the latest time counts.
+    pub struct ProvenanceRow in "provenance" version 1 keyed by key sorted by (key) {
+        /// Content key of the run, or key of the stage in pipeline.lock.
+        key: String [""],
+        /// `run` or `stage`.
+        subject: String [""],
+        /// Experiment of the run, or the stage.
+        name: String [""],
+        /// Duration. Of a stage, the simulations it asked for included.
+        wall_s: f64 ["s"],
+        /// Processor time of the thread that made the run, or of all threads during the stage; none where the system
+        /// keeps no account of it.
+        cpu_s: Option<f64> ["s"],
+        /// Version of granulake.
+        version: String [""],
+        /// Commit it was built from, with `+` where the sources differed from it; `unknown` outside a repository.
+        commit: String [""],
+        /// Compiler it was built with.
+        compiler: String [""],
+        /// Target it was built for.
+        target: String [""],
+        /// Processor it ran on.
+        processor: String [""],
+    }
+}
+
 /// Runs at the optima, with the columns of `runs`.
 pub static VERIFY_RUNS: TableSpec = TableSpec { name: "verify_runs", ..*RunRow::SPEC };
 /// Observables of the runs at the optima, with the columns of `kpis`.
@@ -600,3 +627,6 @@ pub const TABLES: &[&TableSpec] = &[
     RecalibrationRow::SPEC,
     BeforeAfterRow::SPEC,
 ];
+
+/// Tables that the lake keeps of itself, in `ledger/`: what they hold depends on time and machine.
+pub const BESIDE: &[&TableSpec] = &[ProvenanceRow::SPEC];

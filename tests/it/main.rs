@@ -18,6 +18,7 @@ mod oracles_gp;
 mod oracles_statistics;
 mod physics;
 mod pipeline;
+mod provenance;
 mod report;
 mod schemas;
 mod store;

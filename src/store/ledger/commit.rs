@@ -57,7 +57,7 @@ impl<R: Keyed> Ledger<R> {
     }
 
     /// As [`Ledger::append`], but where a key is there already the new rows count from now on. For rows that depend on
-    /// more than their key: timings, failed runs tried again.
+    /// more than their key: provenance, failed runs tried again.
     ///
     /// # Errors
     /// As [`Ledger::append`] but for nondeterminism.

@@ -11,7 +11,7 @@
 //! rows alone. A crash at any point loses nothing that was appended and duplicates nothing.
 //!
 //! Rows must follow from their key. The same rows again are no news, other rows are an error of nondeterminism; what
-//! does depend on time or machine (timings, failures tried again) is [`Ledger::replace`]d.
+//! does depend on time or machine (provenance, failures tried again) is [`Ledger::replace`]d.
 
 mod commit;
 mod compact;
