@@ -70,10 +70,15 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         "experiment": experiment.name(),
         "seed": arguments.seed,
         "run_key": key.to_string(),
+        "inserted": outcome.inserted,
+        "insertion_attempts": outcome.attempts,
+        "deleted": outcome.deleted,
+        "lost": outcome.lost,
         "particles": outcome.state.len(),
         "steps": outcome.steps,
         "time_s": outcome.time,
         "stop": format!("{:?}", outcome.stop),
+        "energy_ratio": outcome.energies.ratio(),
         "coordination_number": outcome.coordination_number,
         "max_overlap": outcome.max_overlap,
         "kpis": kpis.collect::<serde_json::Map<_, _>>(),
@@ -105,6 +110,11 @@ fn text(answer: &Value) -> String {
         fact("time_s"),
         fact("stop")
     );
+    let counts = ["inserted", "deleted", "lost"].map(|name| format!("{} {name}", fact(name))).join(", ");
+    let ends = ["energy_ratio", "max_overlap", "coordination_number"];
+    let ends = ends
+        .map(|name| format!("{name} {}", answer[name].as_f64().map_or("none".into(), |x| units::significant(x, 3))));
+    text += &format!("  {counts} ({} attempts); {}\n", fact("insertion_attempts"), ends.join(", "));
     for (name, entry) in answer["kpis"].as_object().into_iter().flatten() {
         let unit = entry["unit"].as_str().unwrap_or_default();
         let value = match (entry["value"].as_f64(), entry["reason"].as_str()) {

@@ -62,6 +62,13 @@ pub struct Energies {
     pub potential: f64,
 }
 
+impl Energies {
+    /// Translational kinetic over elastic energy [-], which the stop rule looks at; `None` where no spring holds energy.
+    pub fn ratio(&self) -> Option<f64> {
+        (self.elastic > 0.0).then(|| self.translational / self.elastic)
+    }
+}
+
 /// What an event found and did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EventRecord {
@@ -168,6 +175,21 @@ pub enum Failure {
         /// Number of the grain in order of insertion.
         grain: u32,
     },
+    /// No grain reached the height up to which the vessel was to be filled.
+    #[error(
+        "underfilled: at t = {time:.6} s no grain lay above the fill height z = {height:.4} m, the highest at {highest:.4} m; \
+         insert more (`insertion_ratio`), or let the grains settle before they are levelled"
+    )]
+    Underfilled {
+        /// Step.
+        step: u64,
+        /// Time [s].
+        time: f64,
+        /// Fill height asked for [m].
+        height: f64,
+        /// Highest grain, by the same reference as the height [m].
+        highest: f64,
+    },
     /// The run needs more steps than allowed.
     #[error("needs more than {limit} time steps; raise the limit, or find out why the grains do not come to rest")]
     StepLimit {
@@ -180,7 +202,7 @@ impl Failure {
     /// Steps made until the run failed; none where it never started.
     pub const fn steps(&self) -> Option<u64> {
         match self {
-            Self::Overlap { step, .. } | Self::NotFinite { step, .. } => Some(*step),
+            Self::Overlap { step, .. } | Self::NotFinite { step, .. } | Self::Underfilled { step, .. } => Some(*step),
             Self::StepLimit { limit } => Some(*limit),
             Self::InvalidSetup { .. } | Self::FillOverflow { .. } => None,
         }

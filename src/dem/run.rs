@@ -143,7 +143,13 @@ impl<'a> Run<'a> {
 /// Does what an event says; gives the number of deleted grains. Names were checked before the run.
 fn act(world: &mut World, action: &Action) -> Result<usize, Failure> {
     match action {
-        Action::DeleteAbove { height, reference } => world.delete_above(*height, *reference),
+        Action::DeleteAbove { height, reference, level } => {
+            let highest = world.highest(*reference);
+            if *level && highest <= *height {
+                return Err(Failure::Underfilled { step: world.steps(), time: world.time(), height: *height, highest });
+            }
+            world.delete_above(*height, *reference)
+        }
         Action::RemoveWall { name } => world.remove_wall(name).map(|_| 0),
         Action::MoveWall { name, velocity } => world.move_wall(name, *velocity).map(|_| 0),
     }

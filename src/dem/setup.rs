@@ -207,6 +207,8 @@ pub enum Action {
         height: f64,
         /// Which point of the grain counts.
         reference: Reference,
+        /// Whether grains have to reach that height: if none does, the vessel is underfilled and the run has failed.
+        level: bool,
     },
     /// Removes the wall of that name.
     RemoveWall {
@@ -260,6 +262,16 @@ pub struct Trace {
     pub interval: f64,
     /// Grains whose centre is in this box are counted.
     pub region: Region,
+}
+
+impl Reference {
+    /// Height of that point of a sphere (x, y, z, R) [m].
+    pub(super) fn height(self, sphere: &[f64; 4]) -> f64 {
+        match self {
+            Self::Top => sphere[2] + sphere[3],
+            Self::Centre => sphere[2],
+        }
+    }
 }
 
 impl Region {

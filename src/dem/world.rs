@@ -219,15 +219,16 @@ impl World {
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn delete_above(&mut self, height: f64, reference: Reference) -> Result<usize, Failure> {
         let before = self.len();
-        let above = |place: &Row4| match reference {
-            Reference::Top => place[2] + place[3] > height,
-            Reference::Centre => place[2] > height,
-        };
         self.spare.keep.clear();
-        self.spare.keep.extend(self.grains.place.iter().map(|place| !above(place)));
+        self.spare.keep.extend(self.grains.place.iter().map(|place| reference.height(place) <= height));
         let kept = self.spare.keep.iter().filter(|keep| **keep).count();
         self.rebuild_kept()?;
         Ok(before - kept)
+    }
+
+    /// Height of the highest grain [m]; -∞ without grains.
+    pub(super) fn highest(&self, reference: Reference) -> f64 {
+        self.grains.place.iter().map(|place| reference.height(place)).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Removes a wall; tells whether there was one of that name.

@@ -109,10 +109,10 @@ pub fn top(fill: &Fill, ground: f64, grains: &Grains) -> f64 {
     fill.base + fill.volume / (ground * LOOSEST_CLOUD) + 10.0 * grains.size.largest()
 }
 
-/// Taking away what lies above `height`.
+/// Taking away what lies above `height`, up to which the vessel has to be full.
 pub fn deletion(settings: &Settings, time: f64, height: f64) -> Event {
     let reference = if settings.is("deletion_reference", "top") { Reference::Top } else { Reference::Centre };
-    Event { time, action: Action::DeleteAbove { height, reference } }
+    Event { time, action: Action::DeleteAbove { height, reference, level: true } }
 }
 
 /// Opening by taking the wall `name` away.

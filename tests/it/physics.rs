@@ -99,7 +99,10 @@ fn bed_setup() -> Setup {
         time_step_fraction: 0.15,
         walls: vec![floor(species), wall("side", Shape::Cylinder { axis: [0.0; 2], radius }, species)],
         fill: Fill { area: FillArea::Disc { axis: [0.0; 2], radius }, base: 0.0, plane_step: 1e-3, volume: 1e-4 },
-        events: vec![Event { time: 0.4, action: Action::DeleteAbove { height: 0.03, reference: Reference::Top } }],
+        events: vec![Event {
+            time: 0.4,
+            action: Action::DeleteAbove { height: 0.03, reference: Reference::Top, level: true },
+        }],
         stop: StopRule { energy_ratio: Some(1e-6), empty: None, check_after: 0.4, time_cap: 2.0 },
         domain: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] },
         trace: Some(Trace { interval: 0.02, region: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 0.05] } }),

@@ -191,6 +191,18 @@ fn a_single_simulation_prints_its_kpis() {
     let density = &answer["kpis"]["bulk_density"];
     assert_eq!(density["unit"], "kg/m3");
     assert!((1000.0..2000.0).contains(&density["value"].as_f64().expect("a number")), "{answer}");
+    let count = |name: &str| answer[name].as_u64().unwrap_or_else(|| panic!("{name} is a count: {answer}"));
+    assert_eq!(count("inserted"), count("deleted") + count("lost") + count("particles"));
+    assert!(count("insertion_attempts") > count("inserted") && count("deleted") > 0, "{answer}");
+    let limit = answer["energy_ratio"].as_f64().expect("a number");
+    assert!(answer["stop"] != "EnergyRatio" || limit < 1e-3, "{answer}");
+    let underfilled = study.run(&["sim", "bulk_density", "--set", "insertion_ratio=0.2"]);
+    assert_eq!(underfilled.code, Some(1));
+    assert!(
+        underfilled.err.contains("underfilled") && underfilled.err.contains("`insertion_ratio`"),
+        "{}",
+        underfilled.err
+    );
     assert_eq!(study.succeed(&arguments).out, ended.out, "the same seed gives the same bytes");
     let with_zero = study.succeed(&[&arguments[..], &["--effect", "cohesion=0"]].concat()).out;
     assert_eq!(with_zero, ended.out, "strength 0 is the same as absent");
