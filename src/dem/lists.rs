@@ -5,6 +5,7 @@
 //! Contacts stand in blocks of [`WIDTH`], one array per number, so that a vector of them is one load; a list is padded to whole
 //! blocks with entries that belong to grain 0 and are never touched.
 
+use super::checkpoint::stored;
 use super::contact::{Constants, Springs};
 use super::lanes::WIDTH;
 
@@ -65,7 +66,18 @@ pub struct WallList {
     ranges: Vec<[u32; 2]>,
 }
 
+stored!(Block { springs, constants });
+stored!(Entries { blocks, live, bridge });
+stored!(PairList { ends, entries, len, start });
+stored!(Pairs { touching, apart });
+stored!(WallList { grain, entries, ranges });
+
 impl Entries {
+    /// Whether the arrays hold whole blocks.
+    fn is_consistent(&self) -> bool {
+        self.live.len() == self.blocks.len() && self.bridge.len() == self.blocks.len()
+    }
+
     fn clear(&mut self) {
         self.blocks.clear();
         self.live.clear();
@@ -150,6 +162,16 @@ impl Entries {
 }
 
 impl PairList {
+    /// Whether the list fits this number of grains.
+    fn is_consistent(&self, grains: usize) -> bool {
+        let known = |ends: &[u32; 2]| ends.iter().all(|&i| (i as usize) < grains);
+        let whole = self.ends.len() == self.entries.capacity() && self.len <= self.ends.len();
+        whole
+            && self.entries.is_consistent()
+            && self.ends.iter().all(known)
+            && self.start.iter().all(|&first| first as usize <= self.len)
+    }
+
     /// Number of listed pairs.
     pub fn len(&self) -> usize {
         self.len
@@ -193,6 +215,11 @@ impl PairList {
 }
 
 impl Pairs {
+    /// Whether the lists fit this number of grains.
+    pub fn is_consistent(&self, grains: usize) -> bool {
+        self.lists().iter().all(|list| list.is_consistent(grains))
+    }
+
     /// Number of listed pairs.
     pub fn len(&self) -> usize {
         self.touching.len() + self.apart.len()
@@ -232,6 +259,16 @@ impl Pairs {
 }
 
 impl WallList {
+    /// Whether the list fits this number of grains and walls.
+    pub fn is_consistent(&self, grains: usize, walls: usize) -> bool {
+        let inside = |&[first, last]: &[u32; 2]| first <= last && last as usize <= self.grain.len();
+        self.ranges.len() == walls
+            && self.ranges.iter().all(|range| inside(range) && (range[0] as usize).is_multiple_of(WIDTH))
+            && self.grain.len() == self.entries.capacity()
+            && self.entries.is_consistent()
+            && self.grain.iter().all(|&i| (i as usize) < grains)
+    }
+
     /// Empties the list.
     pub fn clear(&mut self) {
         self.grain.clear();

@@ -1,5 +1,6 @@
 //! What a simulation gives: final state, trace, counts, or a typed failure that says where and why.
 
+use super::checkpoint::stored;
 use super::setup::Vec3;
 
 /// Final state of the grains, structure of arrays in order of insertion; every array has one entry per grain.
@@ -79,6 +80,10 @@ pub struct EventRecord {
     /// Energies just before it.
     pub energies: Energies,
 }
+
+stored!(TracePoint { time, mass });
+stored!(Energies { translational, rotational, elastic, potential });
+stored!(EventRecord { time, deleted, energies });
 
 /// Result of a run.
 #[derive(Debug, Clone, PartialEq)]

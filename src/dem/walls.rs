@@ -8,6 +8,7 @@
 //! corner it has two, as it should. The dropped contact inherits the springs of the kept one, so that nothing is lost
 //! on the way across. Pieces may share edges; they must not overlap with their faces.
 
+use super::checkpoint::Stored;
 use super::lanes::Number;
 use super::setup::{Shape, Vec3, Wall, WallSpecies};
 use super::vector::{add, cross, dot, length, pick, scale, splat, sub};
@@ -101,6 +102,21 @@ impl WallPiece {
         }
     }
 
+    /// Appends how the wall moves and where it has got to.
+    pub fn store(&self, out: &mut Vec<u8>) {
+        self.velocity.put(out);
+        self.active.put(out);
+        self.surface.anchor().put(out);
+    }
+
+    /// Takes back what [`WallPiece::store`] appended.
+    pub fn restore(&mut self, input: &mut &[u8]) -> Option<()> {
+        self.velocity = Stored::take(input)?;
+        self.active = Stored::take(input)?;
+        self.surface.set_anchor(Stored::take(input)?);
+        Some(())
+    }
+
     /// Moves the wall by its velocity over a time [s].
     pub fn advance(&mut self, time: f64) {
         if self.velocity != [0.0; 3] {
@@ -122,13 +138,25 @@ impl Surface {
         }
     }
 
-    /// Moves the surface; a cylinder is endless in z and moves sideways only.
-    fn shift(&mut self, by: Vec3) {
+    /// The point by which the surface is placed; a cylinder is endless in z and has none there.
+    fn anchor(&self) -> Vec3 {
         match self {
-            Self::Plane(plane) => plane.point = add(plane.point, by),
-            Self::Rectangle(rectangle) => rectangle.corner = add(rectangle.corner, by),
-            Self::Cylinder(Cylinder { axis, .. }) => *axis = [axis[0] + by[0], axis[1] + by[1]],
+            Self::Plane(plane) => plane.point,
+            Self::Rectangle(rectangle) => rectangle.corner,
+            Self::Cylinder(cylinder) => [cylinder.axis[0], cylinder.axis[1], 0.0],
         }
+    }
+
+    fn set_anchor(&mut self, anchor: Vec3) {
+        match self {
+            Self::Plane(plane) => plane.point = anchor,
+            Self::Rectangle(rectangle) => rectangle.corner = anchor,
+            Self::Cylinder(cylinder) => cylinder.axis = [anchor[0], anchor[1]],
+        }
+    }
+
+    fn shift(&mut self, by: Vec3) {
+        self.set_anchor(add(self.anchor(), by));
     }
 
     /// Whether the straight line from `a` to `b` goes through a rectangle; the far side of the other shapes is refused

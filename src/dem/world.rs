@@ -6,6 +6,7 @@
 //! Knows nothing of filling, events or stop rules: see [`super::run`].
 
 use super::bridges::{self, Bridges, PairBridges};
+use super::checkpoint::Stored;
 use super::contact::{Coefficients, Constants, implicit};
 use super::forces::{MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
@@ -64,8 +65,18 @@ impl World {
     /// # Errors
     /// [`Failure`] where grains overlap too far or are not finite to begin with.
     pub fn new(setup: &Setup, grains: &[Grain]) -> Result<Self, Failure> {
+        let mut world = Self::empty(setup);
+        grains.iter().for_each(|grain| world.grains.push(grain, world.density));
+        world.rebuild()?;
+        world.evaluate()?;
+        world.shift_velocities(-0.5);
+        Ok(world)
+    }
+
+    /// Without grains, and without lists of them.
+    fn empty(setup: &Setup) -> Self {
         let time_step = time_step(setup);
-        let mut world = Self {
+        Self {
             grains: Particles::default(),
             pairs: Pairs::default(),
             contacts: WallList::default(),
@@ -83,12 +94,37 @@ impl World {
             spare: Spare::default(),
             inherit: Vec::new(),
             arch: Arch::new(),
-        };
-        grains.iter().for_each(|grain| world.grains.push(grain, world.density));
-        world.rebuild()?;
-        world.evaluate()?;
-        world.shift_velocities(-0.5);
-        Ok(world)
+        }
+    }
+
+    /// Appends everything that does not follow from the setup; the lists too, since their order is that of the sums.
+    pub(super) fn store(&self, out: &mut Vec<u8>) {
+        self.steps.put(out);
+        self.lost.put(out);
+        self.rebuilds.put(out);
+        self.grains.put(out);
+        self.pairs.put(out);
+        self.contacts.put(out);
+        self.walls.iter().for_each(|wall| wall.store(out));
+        self.skin.store(out);
+    }
+
+    /// The world that [`World::store`] appended; `None` where the bytes are not those of a world of this setup.
+    pub(super) fn restore(setup: &Setup, input: &mut &[u8]) -> Option<Self> {
+        let mut world = Self::empty(setup);
+        world.steps = Stored::take(input)?;
+        world.lost = Stored::take(input)?;
+        world.rebuilds = Stored::take(input)?;
+        world.grains = Stored::take(input)?;
+        world.pairs = Stored::take(input)?;
+        world.contacts = Stored::take(input)?;
+        for wall in &mut world.walls {
+            wall.restore(input)?;
+        }
+        world.skin.restore(world.len(), input)?;
+        let (grains, walls) = (world.len(), world.walls.len());
+        let lists = world.pairs.is_consistent(grains) && world.contacts.is_consistent(grains, walls);
+        (world.grains.is_consistent() && lists).then_some(world)
     }
 
     /// One time step.
@@ -455,6 +491,41 @@ mod tests {
         #[cfg(target_arch = "x86_64")]
         if let Some(v3) = pulp::x86::V3::try_new() {
             assert_eq!(scalar, run(Arch::V3(v3)), "AVX2");
+        }
+    }
+
+    /// A checkpoint holds nothing of the width: taken at one, continued at another, it ends with the same bits.
+    #[test]
+    fn a_checkpoint_goes_on_at_any_vector_width() {
+        let setup = setup();
+        let grains = fill(&setup, 1).unwrap().grains;
+        let mut archs = vec![Arch::Scalar, Arch::new()];
+        #[cfg(target_arch = "x86_64")]
+        archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+        let mut ends = Vec::new();
+        for (k, &first) in archs.iter().enumerate() {
+            let mut world = World { arch: first, ..World::new(&setup, &grains).unwrap() };
+            (0..1500).for_each(|_| world.step().unwrap());
+            let mut bytes = Vec::new();
+            world.store(&mut bytes);
+            let second = archs[(k + 1) % archs.len()];
+            let mut world = World { arch: second, ..World::restore(&setup, &mut &bytes[..]).unwrap() };
+            (0..1500).for_each(|_| world.step().unwrap());
+            ends.push(world.state());
+        }
+        let undisturbed = run(Arch::Scalar);
+        assert!(ends.iter().all(|end| *end == undisturbed));
+    }
+
+    /// Bytes that are no world are refused, wherever they are cut.
+    #[test]
+    fn a_world_cut_short_is_refused() {
+        let setup = setup();
+        let world = World::new(&setup, &fill(&setup, 1).unwrap().grains).unwrap();
+        let mut bytes = Vec::new();
+        world.store(&mut bytes);
+        for length in (0..bytes.len()).step_by(bytes.len() / 50) {
+            assert!(World::restore(&setup, &mut &bytes[..length]).is_none(), "{length} of {} bytes", bytes.len());
         }
     }
 }

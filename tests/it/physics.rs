@@ -10,6 +10,7 @@ use granulake::dem::{
 use std::f64::consts::PI;
 
 mod bridges;
+mod checkpoint;
 mod many;
 mod oblique;
 mod outcomes;
