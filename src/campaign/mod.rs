@@ -12,7 +12,7 @@ mod request;
 
 pub use measure::{KPI_VERSION, kpi_key};
 pub use progress::Progress;
-pub use records::{FAILED, KpiRecord, OK, RunRecord, TimingRecord};
+pub use records::{FAILED, KpiRecord, OK, RunRecord, TimingRecord, state_digest};
 pub use request::{Point, Request, Values, run_seed};
 
 use crate::canonical::{CanonicalError, Digest};

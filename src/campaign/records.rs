@@ -191,6 +191,14 @@ pub(super) fn state_bytes(state: &State) -> Result<Vec<u8>, TableError> {
     .to_parquet_bytes(STATE)
 }
 
+/// Digest under which the store keeps a final state; the `state` of its row in `runs`.
+///
+/// # Errors
+/// A state that holds a NaN.
+pub fn state_digest(state: &State) -> Result<Digest, TableError> {
+    Ok(Digest::of_content(&state_bytes(state)?))
+}
+
 /// Reads what [`state_bytes`] wrote.
 pub(super) fn state_from(origin: &str, bytes: Vec<u8>) -> Result<State, TableError> {
     let file = ColumnFile::from_parquet_bytes(STATE, origin, bytes)?;

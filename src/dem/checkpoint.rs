@@ -25,9 +25,8 @@ const DIGEST: usize = 32;
 /// # fn example(setup: &Setup) -> Result<(), Box<dyn std::error::Error>> {
 /// let mut run = Simulation::new(setup, 1)?;
 /// run.step()?;
-/// std::fs::write("run.checkpoint", run.checkpoint().as_bytes())?;
-/// let stored = Checkpoint::from_bytes(std::fs::read("run.checkpoint")?)?;
-/// let same_run = Simulation::resume(setup, 1, &stored)?;
+/// let bytes: Vec<u8> = run.checkpoint().as_bytes().to_vec();
+/// let same_run = Simulation::resume(setup, 1, &Checkpoint::from_bytes(bytes)?)?;
 /// # Ok(())
 /// # }
 /// ```

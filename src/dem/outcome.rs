@@ -64,6 +64,11 @@ pub struct Energies {
 }
 
 impl Energies {
+    /// Sum of all [J].
+    pub fn total(&self) -> f64 {
+        self.translational + self.rotational + self.elastic + self.potential
+    }
+
     /// Translational kinetic over elastic energy [-], which the stop rule looks at; `None` where no spring holds energy.
     pub fn ratio(&self) -> Option<f64> {
         (self.elastic > 0.0).then(|| self.translational / self.elastic)
