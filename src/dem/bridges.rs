@@ -6,7 +6,7 @@
 //! A term of its own, called once per evaluation on the whole list; the contact law and its friction limit do not know it.
 
 use super::lanes::{Lanes, Mask, Number, Transposer, WIDTH};
-use super::lists::{PairList, WallList};
+use super::lists::{PairList, Rivals, WallList};
 use super::material::sphere_mass;
 use super::particles::Particles;
 use super::setup::{LiquidBridges, Setup};
@@ -118,7 +118,7 @@ impl PairBridges<'_> {
 }
 
 /// Adds the bridges to walls; a contact dropped at a joint follows the piece that is kept, and pulls nothing of its own.
-pub fn add_walls(grains: &mut Particles, list: &mut WallList, walls: &[WallPiece], law: &Bridges) {
+pub fn add_walls(grains: &mut Particles, list: &mut WallList, rivals: &Rivals, walls: &[WallPiece], law: &Bridges) {
     for (w, wall) in walls.iter().enumerate() {
         for entry in list.of_wall(w) {
             let grain = list.grain[entry];
@@ -128,7 +128,7 @@ pub fn add_walls(grains: &mut Particles, list: &mut WallList, walls: &[WallPiece
             if !touches && !list.entries.has_bridge(entry) {
                 continue;
             }
-            let kept = if near.edge { keeper(walls, w, xyz(&place), &near) } else { None };
+            let kept = if near.edge { keeper(walls, rivals.of_grain(grain), w, xyz(&place), &near) } else { None };
             if let Some(kept) = kept.and_then(|kept| list.find(kept, grain)) {
                 let exists = list.entries.has_bridge(kept);
                 list.entries.set_bridge(entry, exists);

@@ -5,7 +5,7 @@
 
 use super::contact::{Coefficients, Constants, Kinematics, Response, Springs, respond};
 use super::lanes::{Lanes, Mask, Number, Rows, Transposer, Truths, WIDTH};
-use super::lists::{Block, Entries, PairList, Pairs, Row, WallList};
+use super::lists::{Block, Entries, PairList, Pairs, Rivals, Row, WallList};
 use super::particles::Particles;
 use super::setup::Vec3;
 use super::vector::{Row8, dot, pick, scale, splat, sub, xyz};
@@ -43,6 +43,8 @@ pub struct WallForces<'a> {
     pub grains: &'a mut Particles,
     /// Listed wall contacts.
     pub contacts: &'a mut WallList,
+    /// Which walls every grain may touch.
+    pub rivals: &'a Rivals,
     /// Walls.
     pub walls: &'a [WallPiece],
     /// The law at walls.
@@ -57,8 +59,25 @@ impl WithSimd for WallForces<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self { grains, contacts: list, rivals, walls, law, inherit } = self;
         let kernel = Kernel { simd, transposer: Transposer(simd) };
-        kernel.add_walls(self.grains, self.contacts, self.walls, self.law, self.inherit)
+        let mut deep = false;
+        inherit.clear();
+        // One loop per wall, with its geometry inlined.
+        for (w, wall) in walls.iter().enumerate() {
+            let mut pass = WallPass { kernel, grains, list, rivals, walls, wall: w, law, inherit };
+            deep |= match &wall.surface {
+                Surface::Plane(plane) => pass.run(plane),
+                Surface::Rectangle(rectangle) => pass.run(rectangle),
+                Surface::Cylinder(cylinder) => pass.run(cylinder),
+                Surface::Cone(cone) => pass.run(cone),
+                Surface::Triangle(triangle) => pass.run(triangle),
+            };
+        }
+        for &[dropped, kept] in inherit.iter() {
+            list.entries.inherit(kept as usize, dropped as usize);
+        }
+        deep
     }
 }
 
@@ -221,32 +240,6 @@ impl<S: Simd> Kernel<S> {
     fn rows(self, active: Truths<S>, lanes: [Lanes<S>; 3]) -> Rows<S> {
         self.transposer.rows(pick(active, lanes, [Lanes::zero(self.simd); 3]))
     }
-
-    /// Adds the forces of the walls, one loop per wall with its geometry inlined. Tells whether an overlap is too deep.
-    #[inline(always)]
-    fn add_walls(
-        self,
-        grains: &mut Particles,
-        list: &mut WallList,
-        walls: &[WallPiece],
-        law: &Coefficients,
-        inherit: &mut Vec<[u32; 2]>,
-    ) -> bool {
-        let mut deep = false;
-        inherit.clear();
-        for (w, wall) in walls.iter().enumerate() {
-            let mut pass = WallPass { kernel: self, grains, list, walls, wall: w, law, inherit };
-            deep |= match wall.surface {
-                Surface::Plane(plane) => pass.run(&plane),
-                Surface::Rectangle(rectangle) => pass.run(&rectangle),
-                Surface::Cylinder(cylinder) => pass.run(&cylinder),
-            };
-        }
-        for &[dropped, kept] in inherit.iter() {
-            list.entries.inherit(kept as usize, dropped as usize);
-        }
-        deep
-    }
 }
 
 /// All contacts with one wall.
@@ -254,6 +247,7 @@ struct WallPass<'a, S: Simd> {
     kernel: Kernel<S>,
     grains: &'a mut Particles,
     list: &'a mut WallList,
+    rivals: &'a Rivals,
     walls: &'a [WallPiece],
     wall: usize,
     law: &'a Coefficients,
@@ -335,7 +329,9 @@ impl<S: Simd> WallPass<'_, S> {
     /// Whether the edge contact is dropped; then notes whose springs it inherits.
     fn drops(&mut self, entry: usize, grain: u32, centre: Vec3) -> bool {
         let near = self.walls[self.wall].surface.near(centre);
-        let Some(kept) = keeper(self.walls, self.wall, centre, &near) else { return false };
+        let Some(kept) = keeper(self.walls, self.rivals.of_grain(grain), self.wall, centre, &near) else {
+            return false;
+        };
         if let Some(kept) = self.list.find(kept, grain) {
             self.inherit.push([entry as u32, kept as u32]);
         }

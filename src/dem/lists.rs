@@ -72,6 +72,41 @@ stored!(PairList { ends, entries, len, start });
 stored!(Pairs { touching, apart });
 stored!(WallList { grain, entries, ranges });
 
+/// Which walls every grain may touch: the lists of walls the other way round.
+#[derive(Debug, Clone, Default)]
+pub struct Rivals {
+    /// First entry of each grain, and the end of the last.
+    start: Vec<u32>,
+    walls: Vec<u32>,
+}
+
+impl Rivals {
+    /// Reads the lists anew.
+    pub fn index(&mut self, list: &WallList, grains: usize) {
+        self.start.clear();
+        self.start.resize(grains + 2, 0);
+        let all = || (0..list.ranges.len()).flat_map(|w| list.of_wall(w).map(move |entry| (w, entry)));
+        // Counted two places ahead, so that after the sum every place is the cursor of the grain before it.
+        all().for_each(|(_, entry)| self.start[list.grain[entry] as usize + 2] += 1);
+        for i in 1..self.start.len() {
+            self.start[i] += self.start[i - 1];
+        }
+        self.walls.clear();
+        self.walls.resize(self.start.last().map_or(0, |&count| count as usize), 0);
+        for (w, entry) in all() {
+            let cursor = &mut self.start[list.grain[entry] as usize + 1];
+            self.walls[*cursor as usize] = w as u32;
+            *cursor += 1;
+        }
+    }
+
+    /// Walls that list a grain, in order.
+    pub fn of_grain(&self, grain: u32) -> &[u32] {
+        let [first, last] = [0, 1].map(|next| self.start[grain as usize + next] as usize);
+        &self.walls[first..last]
+    }
+}
+
 impl Entries {
     /// Whether the arrays hold whole blocks.
     fn is_consistent(&self) -> bool {

@@ -26,7 +26,9 @@ mod outcome;
 mod particles;
 mod run;
 pub mod setup;
+mod sizes;
 mod skin;
+mod stl;
 mod validate;
 mod vector;
 pub mod walls;
@@ -39,8 +41,10 @@ pub use particles::Grain;
 pub use run::{Simulation, simulate, simulate_within};
 pub use setup::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Region, Setup, Shape,
-    SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies,
+    StopRule, Trace, Vec3, Wall, WallSpecies,
 };
+pub use sizes::SizeDistribution;
+pub use stl::{StlError, mesh};
 pub use world::World;
 
 /// Version of the simulated physics; raised with every change that alters the bits of a result. Part of every run's key.

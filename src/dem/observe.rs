@@ -152,11 +152,12 @@ impl World {
         }
         for (w, wall) in self.walls.iter().enumerate() {
             for k in self.contacts.of_wall(w) {
-                let grain = self.contacts.grain[k] as usize;
+                let number = self.contacts.grain[k];
+                let (grain, rivals) = (number as usize, self.rivals.of_grain(number));
                 let place = &self.grains.place[grain];
                 let near = wall.surface.near(xyz(place));
                 let overlap = place[3] - near.distance;
-                let dropped = near.edge && keeper(&self.walls, w, xyz(place), &near).is_some();
+                let dropped = near.edge && keeper(&self.walls, rivals, w, xyz(place), &near).is_some();
                 if overlap > 0.0 && !dropped {
                     visit(grain, Other::Wall(w), overlap, &self.contacts.entries.springs(k));
                 }

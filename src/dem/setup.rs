@@ -3,6 +3,8 @@
 //! Takes nothing, gives plain data that [`simulate`](super::simulate) runs. SI units throughout, z points up.
 //! Deliberately ignorant of experiments and settings: whoever builds a [`Setup`] decides what its numbers mean.
 
+use super::sizes::SizeDistribution;
+
 /// A point or vector, (x, y, z).
 pub type Vec3 = [f64; 3];
 
@@ -44,22 +46,6 @@ pub struct Grains {
     pub sliding_spread: f64,
     /// Coefficient of variation of each grain's own rolling friction (lognormal, mean kept) [-]; 0 is off.
     pub rolling_spread: f64,
-}
-
-/// Distribution of the grain radius by number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SizeDistribution {
-    /// Normal, redrawn until it lies in `[mean - below·sd, mean + above·sd]` (paper, section 3.1: 5.02 ± 1.39 mm, 1.5, 5).
-    TruncatedNormal {
-        /// Mean before truncation [m].
-        mean: f64,
-        /// Standard deviation before truncation [m]; 0 gives equal spheres.
-        sd: f64,
-        /// Lower cut, in standard deviations below the mean [-].
-        below: f64,
-        /// Upper cut, in standard deviations above the mean [-].
-        above: f64,
-    },
 }
 
 /// Linear visco-elastic contact with sliding and rolling springs (Luding 2008; paper, Table 4).
@@ -121,7 +107,7 @@ pub struct WallSpecies {
 /// One wall piece.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wall {
-    /// Unique name, by which events address the wall.
+    /// Name by which events address the wall; triangles may share one, every other wall has its own.
     pub name: String,
     /// Shape and place.
     pub shape: Shape,
@@ -154,6 +140,20 @@ pub enum Shape {
         axis: [f64; 2],
         /// Inner radius [m].
         radius: f64,
+    },
+    /// Frustum of a vertical cone, touched from inside and outside and round its rims; equal radii make a piece of pipe.
+    Cone {
+        /// Axis, (x, y) [m].
+        axis: [f64; 2],
+        /// Height and radius of the lower rim [m].
+        lower: [f64; 2],
+        /// Height and radius of the upper rim [m].
+        upper: [f64; 2],
+    },
+    /// Triangle, touched from both sides and round its edges; those of one name make a mesh, see [`mesh`](super::mesh).
+    Triangle {
+        /// Corners [m].
+        corners: [Vec3; 3],
     },
 }
 
@@ -278,26 +278,6 @@ impl Region {
     /// Whether the point is in the box.
     pub fn contains(&self, point: Vec3) -> bool {
         (0..3).all(|axis| self.lower[axis] <= point[axis] && point[axis] <= self.upper[axis])
-    }
-}
-
-impl SizeDistribution {
-    /// Nominal mean radius r̄ [m], before truncation.
-    pub fn mean(&self) -> f64 {
-        let Self::TruncatedNormal { mean, .. } = *self;
-        mean
-    }
-
-    /// Smallest possible radius [m].
-    pub fn smallest(&self) -> f64 {
-        let Self::TruncatedNormal { mean, sd, below, .. } = *self;
-        mean - below * sd
-    }
-
-    /// Largest possible radius [m].
-    pub fn largest(&self) -> f64 {
-        let Self::TruncatedNormal { mean, sd, above, .. } = *self;
-        mean + above * sd
     }
 }
 

@@ -11,14 +11,14 @@ use super::contact::{Coefficients, Constants, implicit};
 use super::forces::{MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
 use super::integrate::Integration;
-use super::lists::{Pairs, WallList};
+use super::lists::{Pairs, Rivals, WallList};
 use super::material::{Law, pair_length, time_step};
 use super::outcome::{Failure, State};
 use super::particles::{Grain, Particles, touch};
 use super::setup::{Reference, Region, Setup, Vec3, WallSpecies};
 use super::skin::Skin;
 use super::vector::{Row4, dot, xyz};
-use super::walls::{Geometry, WallPiece};
+use super::walls::{Geometry, SAME_POINT, WallPiece};
 use pulp::Arch;
 
 /// Grains, walls and contacts at one time.
@@ -27,6 +27,7 @@ pub struct World {
     pub(super) grains: Particles,
     pub(super) pairs: Pairs,
     pub(super) contacts: WallList,
+    pub(super) rivals: Rivals,
     pub(super) walls: Vec<WallPiece>,
     pub(super) law: Law,
     pub(super) bridges: Option<Bridges>,
@@ -53,6 +54,7 @@ struct Spare {
     keep: Vec<bool>,
     reach: Vec<Row4>,
     entry: Vec<u32>,
+    limit: Vec<f64>,
     hits: Vec<u32>,
 }
 
@@ -80,6 +82,7 @@ impl World {
             grains: Particles::default(),
             pairs: Pairs::default(),
             contacts: WallList::default(),
+            rivals: Rivals::default(),
             walls: setup.walls.iter().map(WallPiece::new).collect(),
             law: Law::new(setup, time_step),
             bridges: Bridges::new(setup),
@@ -124,7 +127,11 @@ impl World {
         world.skin.restore(world.len(), input)?;
         let (grains, walls) = (world.len(), world.walls.len());
         let lists = world.pairs.is_consistent(grains) && world.contacts.is_consistent(grains, walls);
-        (world.grains.is_consistent() && lists).then_some(world)
+        if !world.grains.is_consistent() || !lists {
+            return None;
+        }
+        world.rivals.index(&world.contacts, grains);
+        Some(world)
     }
 
     /// One time step.
@@ -237,14 +244,14 @@ impl World {
     }
 
     fn evaluate(&mut self) -> Result<(), Failure> {
-        let Self { grains, pairs, contacts, walls, law, inherit, arch, .. } = self;
+        let Self { grains, pairs, contacts, rivals, walls, law, inherit, arch, .. } = self;
         let deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
-        let deep = deep | arch.dispatch(WallForces { grains, contacts, walls, law: &law.wall, inherit });
+        let deep = deep | arch.dispatch(WallForces { grains, contacts, rivals, walls, law: &law.wall, inherit });
         if let Some(law) = &self.bridges {
             for list in [&mut self.pairs.touching, &mut self.pairs.apart] {
                 self.arch.dispatch(PairBridges { grains: &mut self.grains, list, law });
             }
-            bridges::add_walls(&mut self.grains, &mut self.contacts, &self.walls, law);
+            bridges::add_walls(&mut self.grains, &mut self.contacts, &self.rivals, &self.walls, law);
         }
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
     }
@@ -267,24 +274,30 @@ impl World {
         self.grains.place.iter().map(|place| reference.height(place)).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Removes a wall; tells whether there was one of that name.
+    /// Removes a wall, or a mesh as a whole; tells whether there was one of that name.
     ///
     /// # Errors
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn remove_wall(&mut self, name: &str) -> Result<bool, Failure> {
-        let Some(wall) = self.walls.iter_mut().find(|wall| wall.name == name && wall.active) else { return Ok(false) };
-        wall.active = false;
-        self.rebuild().map(|()| true)
+        self.change_walls(name, |wall| wall.active = false)
     }
 
-    /// Lets a wall move; tells whether there is one of that name.
+    /// Lets a wall move, or a mesh as a whole; tells whether there is one of that name.
     ///
     /// # Errors
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn move_wall(&mut self, name: &str, velocity: Vec3) -> Result<bool, Failure> {
-        let Some(wall) = self.walls.iter_mut().find(|wall| wall.name == name && wall.active) else { return Ok(false) };
-        wall.velocity = velocity;
-        self.rebuild().map(|()| true)
+        self.change_walls(name, |wall| wall.velocity = velocity)
+    }
+
+    /// Changes the walls of a name that are still there, and builds the lists anew if there are any.
+    fn change_walls(&mut self, name: &str, change: impl Fn(&mut WallPiece)) -> Result<bool, Failure> {
+        let mut found = false;
+        for wall in self.walls.iter_mut().filter(|wall| wall.name == name && wall.active) {
+            change(wall);
+            found = true;
+        }
+        if found { self.rebuild().map(|()| true) } else { Ok(false) }
     }
 
     /// Removes the grains outside the domain, which between rebuilds nobody notices.
@@ -338,30 +351,45 @@ impl World {
     fn list_walls(&mut self, rupture: f64) {
         std::mem::swap(&mut self.contacts, &mut self.spare.contacts);
         self.contacts.clear();
+        self.spare.entry.clear();
+        self.spare.entry.resize(self.spare.grains.len(), NONE);
+        self.spare.limit.clear();
+        let limit =
+            |(i, place): (usize, &Row4)| place[3] + self.skin.wall_margin(i) + rupture * (2.0 * place[3]) + SAME_POINT;
+        self.spare.limit.extend(self.grains.place.iter().enumerate().map(limit));
+        let widest = self.spare.limit.iter().copied().fold(0.0, f64::max);
         for w in 0..self.walls.len() {
             self.contacts.begin();
             if self.walls[w].active {
-                self.list_wall(w, rupture);
+                self.list_wall(w, widest);
             }
         }
+        self.rivals.index(&self.contacts, self.grains.len());
     }
 
-    fn list_wall(&mut self, w: usize, rupture: f64) {
-        let Self { grains, contacts, law, skin, spare, walls, .. } = self;
-        spare.entry.clear();
-        spare.entry.resize(spare.grains.len(), NONE);
+    /// Lists the grains within their limit of a wall; of one with an end only those in the cells about it are looked at.
+    fn list_wall(&mut self, w: usize, widest: f64) {
+        let Self { grains, contacts, law, spare, walls, .. } = self;
         for entry in spare.contacts.of_wall(w) {
             spare.entry[spare.contacts.grain[entry] as usize] = entry as u32;
         }
-        let species = walls[w].species;
-        for (i, place) in grains.place.iter().enumerate() {
-            let size = 2.0 * place[3];
-            let limit = place[3] + skin.wall_margin(i) + rupture * size;
-            if walls[w].surface.near(xyz(place)).distance < limit {
+        let WallPiece { species, surface, .. } = walls[w];
+        let mut look = |i: usize| {
+            if surface.near(xyz(&grains.place[i])).distance < spare.limit[i] {
                 let old = spare.entry[spare.grid.order[i] as usize];
                 let fresh = || wall_constants(grains, law, i, species);
                 contacts.push(i as u32, &spare.contacts, (old != NONE).then_some(old as usize), fresh);
             }
+        };
+        match surface.bounds() {
+            Some([lower, upper]) => {
+                let round = [lower.map(|x| x - widest), upper.map(|x| x + widest)];
+                spare.grid.visit_box(round, &mut look);
+            }
+            None => (0..grains.len()).for_each(&mut look),
+        }
+        for entry in spare.contacts.of_wall(w) {
+            spare.entry[spare.contacts.grain[entry] as usize] = NONE;
         }
     }
 
@@ -444,6 +472,7 @@ mod tests {
             shape: Shape::Rectangle { corner, edge_u, edge_v },
             species,
         };
+        let facet = |corners| Wall { name: "mesh".to_owned(), shape: Shape::Triangle { corners }, species };
         let walls = vec![
             plate("left half", [-0.03, -0.03, 0.0], [0.03, 0.0, 0.0], [0.0, 0.06, 0.0]),
             plate("right half", [0.0, -0.03, 0.0], [0.03, 0.0, 0.0], [0.0, 0.06, 0.0]),
@@ -453,6 +482,13 @@ mod tests {
                 shape: Shape::Plane { point: [0.0; 3], normal: [0.1, 0.0, 1.0] },
                 species,
             },
+            Wall {
+                name: "funnel".to_owned(),
+                shape: Shape::Cone { axis: [0.0; 2], lower: [0.0, 0.02], upper: [0.02, 0.03] },
+                species,
+            },
+            facet([[-0.03, -0.03, 0.004], [0.03, -0.03, 0.0], [0.0, 0.03, 0.0]]),
+            facet([[0.0, 0.03, 0.0], [0.03, -0.03, 0.0], [0.03, 0.03, 0.01]]),
         ];
         Setup {
             grains: Grains::default(),
