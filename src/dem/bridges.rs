@@ -68,6 +68,8 @@ pub struct PairBridges<'a> {
     pub grains: &'a mut Particles,
     /// Listed pairs.
     pub list: &'a mut PairList,
+    /// How far below itself the second grain is seen [m]: 0, or the period.
+    pub shift: f64,
     /// The law.
     pub law: &'a Bridges,
 }
@@ -94,7 +96,7 @@ impl PairBridges<'_> {
         let (transposer, place) = (Transposer(simd), &self.grains.place);
         let [x, y, z, radius_i] = transposer.gather(|l| *place[ends[l][0] as usize]);
         let [u, v, w, radius_j] = transposer.gather(|l| *place[ends[l][1] as usize]);
-        let between = sub([x, y, z], [u, v, w]);
+        let between = sub([x, y, z], [u, v - v.splat(self.shift), w]);
         let (square, sum, zero) = (dot(between, between), radius_i + radius_j, Lanes::zero(simd));
         let touches = square.less(sum * sum) & filled;
         let bridge = &mut self.list.entries.bridge[block];

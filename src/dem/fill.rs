@@ -143,7 +143,11 @@ impl<'a> Inserter<'a> {
         let [x, y] = draw_place(&self.setup.fill.area, &mut self.places);
         let place = [x, y, height];
         let column = self.column_of(x, y);
-        if !self.is_free(column, place, radius) || !self.clears_walls(column, place, radius) || !self.is_inside(place) {
+        if !self.is_free(column, place, radius)
+            || !self.is_free_across(place, radius)
+            || !self.clears_walls(column, place, radius)
+            || !self.is_inside(place)
+        {
             return false;
         }
         let reach = height - self.width;
@@ -170,6 +174,15 @@ impl<'a> Inserter<'a> {
         };
         let near = |c: usize, axis: usize| c.saturating_sub(1)..=(c + 1).min(self.shape[axis] - 1);
         free(cx, cy) && near(cy, 1).all(|y| near(cx, 0).all(|x| (x == cx && y == cy) || free(x, y)))
+    }
+
+    /// Whether the images of the grain beyond the ends of the period would touch none.
+    fn is_free_across(&self, place: Vec3, radius: f64) -> bool {
+        let Some([low, high]) = self.setup.periodic else { return true };
+        [low - high, high - low].into_iter().all(|shift| {
+            let image = [place[0], place[1] + shift, place[2]];
+            self.is_free(self.column_of(image[0], image[1]), image, radius)
+        })
     }
 
     fn clears_walls(&self, [cx, cy]: [usize; 2], place: Vec3, radius: f64) -> bool {

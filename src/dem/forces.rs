@@ -32,8 +32,31 @@ impl WithSimd for PairForces<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let kernel = Kernel { simd, transposer: Transposer(simd) };
-        let deep = kernel.add_pairs(self.grains, &mut self.pairs.touching, self.law);
-        deep | kernel.add_pairs(self.grains, &mut self.pairs.apart, self.law)
+        let deep = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.law, 0.0);
+        deep | kernel.add_pairs::<false>(self.grains, &mut self.pairs.apart, self.law, 0.0)
+    }
+}
+
+/// Forces between grains that touch across the ends of the period.
+pub struct AcrossForces<'a> {
+    /// Grains, whose loads are added to.
+    pub grains: &'a mut Particles,
+    /// Listed pairs.
+    pub list: &'a mut PairList,
+    /// The law between grains.
+    pub law: &'a Coefficients,
+    /// The period [m].
+    pub period: f64,
+}
+
+impl WithSimd for AcrossForces<'_> {
+    /// Whether an overlap is beyond [`MAX_OVERLAP`].
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let kernel = Kernel { simd, transposer: Transposer(simd) };
+        kernel.add_pairs::<true>(self.grains, self.list, self.law, self.period)
     }
 }
 
@@ -100,9 +123,16 @@ impl<S: Simd> Kernel<S> {
     /// Vectors per block.
     const PARTS: usize = WIDTH / S::F64_LANES;
 
-    /// Adds the forces between grains. Tells whether an overlap is too deep.
+    /// Adds the forces between grains, with ACROSS of those whose second grain is seen a period lower. Tells whether an
+    /// overlap is too deep.
     #[inline(always)]
-    fn add_pairs(self, grains: &mut Particles, list: &mut PairList, law: &Coefficients) -> bool {
+    fn add_pairs<const ACROSS: bool>(
+        self,
+        grains: &mut Particles,
+        list: &mut PairList,
+        law: &Coefficients,
+        period: f64,
+    ) -> bool {
         let count = list.len();
         let mut deep = false;
         let (ends, _) = list.ends.as_chunks::<WIDTH>();
@@ -111,7 +141,7 @@ impl<S: Simd> Kernel<S> {
             let was_live = std::mem::replace(live, false);
             for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
                 let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
-                let (touch, active, too_deep) = self.touch(grains, ends, filled);
+                let (touch, active, too_deep) = self.touch::<ACROSS>(grains, ends, filled, period);
                 deep |= too_deep;
                 if active.any() {
                     let response = self.respond_pairs(grains, ends, &touch, block, part, law);
@@ -128,9 +158,16 @@ impl<S: Simd> Kernel<S> {
 
     /// Normals n = d/|d|, overlaps δ = R_i + R_j - |d| and arms R - δ/2; which pairs touch; whether one is too deep.
     #[inline(always)]
-    fn touch(self, grains: &Particles, ends: &[[u32; 2]], filled: Truths<S>) -> (Touch<S>, Truths<S>, bool) {
+    fn touch<const ACROSS: bool>(
+        self,
+        grains: &Particles,
+        ends: &[[u32; 2]],
+        filled: Truths<S>,
+        period: f64,
+    ) -> (Touch<S>, Truths<S>, bool) {
         let [x, y, z, radius_i] = self.transposer.gather(|l| *grains.place[ends[l][0] as usize]);
         let [u, v, w, radius_j] = self.transposer.gather(|l| *grains.place[ends[l][1] as usize]);
+        let v = if ACROSS { v - v.splat(period) } else { v };
         let between = sub([x, y, z], [u, v, w]);
         let (square, sum) = (dot(between, between), radius_i + radius_j);
         let active = square.less(sum * sum) & filled;

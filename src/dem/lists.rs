@@ -46,13 +46,16 @@ pub struct PairList {
     start: Vec<u32>,
 }
 
-/// All listed pairs, in two lists: vectors of the first are full of contacts, most of the second are left early.
+/// All listed pairs, in three lists: vectors of the first are full of contacts, most of the second are left early, and those
+/// of the third see their second grain from across the ends of the period.
 #[derive(Debug, Clone, Default)]
 pub struct Pairs {
     /// Pairs that touched at the last rebuild.
     pub touching: PairList,
     /// The others.
     pub apart: PairList,
+    /// Pairs (i, j) of a grain near the lower end of the period and one near the upper, whose image is a period below it.
+    pub across: PairList,
 }
 
 /// Listed contacts of grains with walls.
@@ -69,7 +72,7 @@ pub struct WallList {
 stored!(Block { springs, constants });
 stored!(Entries { blocks, live, bridge });
 stored!(PairList { ends, entries, len, start });
-stored!(Pairs { touching, apart });
+stored!(Pairs { touching, apart, across });
 stored!(WallList { grain, entries, ranges });
 
 /// Which walls every grain may touch: the lists of walls the other way round.
@@ -257,18 +260,19 @@ impl Pairs {
 
     /// Number of listed pairs.
     pub fn len(&self) -> usize {
-        self.touching.len() + self.apart.len()
+        self.touching.len() + self.apart.len() + self.across.len()
     }
 
-    /// Both lists, in the order in which forces are added.
-    pub fn lists(&self) -> [&PairList; 2] {
-        [&self.touching, &self.apart]
+    /// The lists, in the order in which forces are added.
+    pub fn lists(&self) -> [&PairList; 3] {
+        [&self.touching, &self.apart, &self.across]
     }
 
     /// Empties the lists.
     pub fn clear(&mut self) {
         self.touching.clear();
         self.apart.clear();
+        self.across.clear();
     }
 
     /// Appends the pair (i, j), which was (a, b) in the numbering of `old`; a pair new to the lists asks for its constants.
@@ -283,9 +287,27 @@ impl Pairs {
         [a, b]: [u32; 2],
         fresh: impl FnOnce() -> Constants,
     ) {
-        let (older, sign) = if a < b { (old.find(a, b), 1.0) } else { (old.find(b, a), -1.0) };
+        let (older, sign) = old.older(a, b);
         let list = if touching { &mut self.touching } else { &mut self.apart };
         list.push(ends, older, sign, fresh);
+    }
+
+    /// Appends the pair (i, j) that is near across the ends of the period, which was (a, b) in the numbering of `old`.
+    pub fn push_across(&mut self, ends: [u32; 2], old: &Self, [a, b]: [u32; 2], fresh: impl FnOnce() -> Constants) {
+        let (older, sign) = old.older(a, b);
+        self.across.push(ends, older, sign, fresh);
+    }
+
+    /// The entry of a pair, and -1 where it stands there the other way round.
+    fn older(&self, a: u32, b: u32) -> (Option<(&Entries, usize)>, f64) {
+        let (inside, sign) = if a < b { (self.find(a, b), 1.0) } else { (self.find(b, a), -1.0) };
+        if inside.is_some() || self.across.len() == 0 {
+            return (inside, sign);
+        }
+        match self.across.find(a, b) {
+            Some(found) => (Some(found), 1.0),
+            None => (self.across.find(b, a), -1.0),
+        }
     }
 
     fn find(&self, i: u32, j: u32) -> Option<(&Entries, usize)> {

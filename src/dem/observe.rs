@@ -94,7 +94,7 @@ impl World {
         self.sum(|_, mass, v, _| [mass * v[0], mass * v[1], mass * v[2]])
     }
 
-    /// Sum of x × m v + I ω about the origin [kg m²/s].
+    /// Sum of x × m v + I ω about the origin [kg m²/s]; a period does not conserve it.
     pub fn angular_momentum(&self) -> Vec3 {
         self.sum(|i, mass, v, w| {
             let orbital = super::vector::cross(xyz(&self.grains.place[i]), v);
@@ -141,11 +141,13 @@ impl World {
 
     /// Calls `visit(grain, other, overlap, springs)` for every touching contact, in list order.
     fn for_each_contact(&self, mut visit: impl FnMut(usize, Other, f64, &Springs)) {
-        for list in self.pairs.lists() {
+        let period = self.period.map_or(0.0, |[low, high]| high - low);
+        for (list, shift) in self.pairs.lists().into_iter().zip([0.0, 0.0, period]) {
             for (k, &[i, j]) in list.pairs().iter().enumerate() {
-                let (a, b) = (&self.grains.place[i as usize], &self.grains.place[j as usize]);
-                if touch(a, b) {
-                    let overlap = a[3] + b[3] - length(sub(xyz(a), xyz(b)));
+                let (a, mut b) = (self.grains.place[i as usize], self.grains.place[j as usize]);
+                b[1] -= shift;
+                if touch(&a, &b) {
+                    let overlap = a[3] + b[3] - length(sub(xyz(&a), xyz(&b)));
                     visit(i as usize, Other::Grain(j as usize), overlap, &list.entries.springs(k));
                 }
             }

@@ -31,6 +31,9 @@ pub struct Setup {
     pub stop: StopRule,
     /// Grains whose centre leaves this box are removed and counted.
     pub domain: Region,
+    /// Ends in y [m] of a piece that repeats itself: grains that leave at one end come in at the other and touch across it.
+    /// Walls are not repeated; they have to reach beyond both ends by a largest diameter.
+    pub periodic: Option<[f64; 2]>,
     /// Samples of the mass in a region over time.
     pub trace: Option<Trace>,
 }

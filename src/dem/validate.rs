@@ -4,6 +4,9 @@ use super::outcome::Failure;
 use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, Vec3, Wall};
 use super::vector::{cross, dot, length, sub};
 
+/// Shortest period over the largest radius: below it a pair could be near both inside and across the ends.
+const SHORTEST_PERIOD: f64 = 8.0;
+
 /// Refuses a setup that contradicts itself.
 ///
 /// # Errors
@@ -21,6 +24,12 @@ pub fn validate(setup: &Setup) -> Result<(), Failure> {
     fill(setup)?;
     events(setup)?;
     region("domain", &setup.domain)?;
+    if let Some([low, high]) = setup.periodic {
+        let least = SHORTEST_PERIOD * setup.grains.size.largest();
+        let sound = low.is_finite() && high.is_finite() && high - low >= least;
+        let what = || format!("the period from y = {low} to {high} m is shorter than {least:.4} m, or not finite");
+        require(sound, what, "give it at least eight times the largest radius")?;
+    }
     if let Some(trace) = &setup.trace {
         positive("trace interval", trace.interval)?;
         region("trace region", &trace.region)?;

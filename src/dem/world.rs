@@ -8,7 +8,7 @@
 use super::bridges::{self, Bridges, PairBridges};
 use super::checkpoint::Stored;
 use super::contact::{Coefficients, Constants, implicit};
-use super::forces::{MAX_OVERLAP, PairForces, WallForces};
+use super::forces::{AcrossForces, MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
 use super::integrate::Integration;
 use super::lists::{Pairs, Rivals, WallList};
@@ -34,6 +34,8 @@ pub struct World {
     pub(super) gravity: Vec3,
     density: f64,
     domain: Region,
+    /// Ends of the period in y [m].
+    pub(super) period: Option<[f64; 2]>,
     time_step: f64,
     steps: u64,
     lost: usize,
@@ -89,6 +91,7 @@ impl World {
             gravity: setup.gravity,
             density: setup.grains.density,
             domain: setup.domain,
+            period: setup.periodic,
             time_step,
             steps: 0,
             lost: 0,
@@ -204,6 +207,7 @@ impl World {
 
     fn append(&self, i: usize, state: &mut State) {
         let [x, y, z, radius] = *self.grains.place[i];
+        let y = self.period.map_or(y, |ends| wrapped(y, ends));
         let ([vx, vy, vz], [wx, wy, wz]) = self.velocities(i);
         state.id.push(self.grains.id[i]);
         state.radius.push(radius);
@@ -245,11 +249,16 @@ impl World {
 
     fn evaluate(&mut self) -> Result<(), Failure> {
         let Self { grains, pairs, contacts, rivals, walls, law, inherit, arch, .. } = self;
-        let deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
+        let mut deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
+        let length = self.period.map_or(0.0, |[low, high]| high - low);
+        if pairs.across.len() > 0 {
+            deep |= arch.dispatch(AcrossForces { grains, list: &mut pairs.across, law: &law.pair, period: length });
+        }
         let deep = deep | arch.dispatch(WallForces { grains, contacts, rivals, walls, law: &law.wall, inherit });
         if let Some(law) = &self.bridges {
-            for list in [&mut self.pairs.touching, &mut self.pairs.apart] {
-                self.arch.dispatch(PairBridges { grains: &mut self.grains, list, law });
+            let Pairs { touching, apart, across } = &mut self.pairs;
+            for (list, shift) in [(touching, 0.0), (apart, 0.0), (across, length)] {
+                self.arch.dispatch(PairBridges { grains: &mut self.grains, list, shift, law });
             }
             bridges::add_walls(&mut self.grains, &mut self.contacts, &self.rivals, &self.walls, law);
         }
@@ -318,6 +327,9 @@ impl World {
     /// Drops the grains not kept and those outside the domain, sorts the rest by cell and builds the lists anew.
     fn rebuild_kept(&mut self) -> Result<(), Failure> {
         self.check_finite()?;
+        if let Some(ends) = self.period {
+            self.grains.place.iter_mut().for_each(|place| place[1] = wrapped(place[1], ends));
+        }
         for (keep, place) in self.spare.keep.iter_mut().zip(&self.grains.place) {
             let inside = self.domain.contains(xyz(place));
             self.lost += usize::from(*keep && !inside);
@@ -331,8 +343,28 @@ impl World {
         self.grains.gather(&self.spare.grains, &self.spare.grid.order);
         self.skin.reorder(&self.grains, &self.spare.grid.order);
         self.list_pairs(rupture);
+        if let Some(ends) = self.period {
+            self.list_across(ends, widest);
+        }
         self.list_walls(rupture);
         Ok(())
+    }
+
+    /// Lists the pairs of a grain near the lower end of the period and one near the upper; `widest` is the largest reach [m].
+    fn list_across(&mut self, [low, high]: [f64; 2], widest: f64) {
+        let Self { grains, pairs, law, spare, .. } = self;
+        let order = &spare.grid.order;
+        for (i, row) in spare.reach.iter().enumerate().filter(|(_, row)| row[1] < low + 2.0 * widest) {
+            let image = Row4([row[0], row[1] + (high - low), row[2], row[3]]);
+            let reach = row[3] + widest;
+            let corners = [xyz(&image).map(|x| x - reach), xyz(&image).map(|x| x + reach)];
+            spare.grid.visit_box(corners, |j| {
+                if touch(&image, &spare.reach[j]) {
+                    let fresh = || pair_constants(grains, law, i, j);
+                    pairs.push_across([i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
+                }
+            });
+        }
     }
 
     fn list_pairs(&mut self, rupture: f64) {
@@ -422,6 +454,16 @@ impl World {
     }
 }
 
+/// A place in y, or its image in the period [m].
+fn wrapped(y: f64, [low, high]: [f64; 2]) -> f64 {
+    if (low..high).contains(&y) {
+        return y;
+    }
+    let inside = y - (high - low) * ((y - low) / (high - low)).floor();
+    // A hair below the lower end rounds to the upper one.
+    if inside < high { inside } else { low }
+}
+
 /// Constants of a pair. The frictions of two grains mix as harmonic means, as species do in MercuryDPM; where
 /// all grains have factor 1 the law's own numbers come out, bit for bit.
 fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Constants {
@@ -506,6 +548,7 @@ mod tests {
             events: Vec::new(),
             stop: StopRule { energy_ratio: None, empty: None, check_after: 0.0, time_cap: 1.0 },
             domain: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] },
+            periodic: None,
             trace: None,
         }
     }
@@ -527,6 +570,29 @@ mod tests {
         #[cfg(target_arch = "x86_64")]
         if let Some(v3) = pulp::x86::V3::try_new() {
             assert_eq!(scalar, run(Arch::V3(v3)), "AVX2");
+        }
+    }
+
+    /// Grains in a box that repeats itself in y, so that forces and bridges across its ends are taken too.
+    #[test]
+    fn every_vector_width_gives_the_same_bits_across_the_ends_of_a_period() {
+        let mut setup = Setup { periodic: Some([-0.05, 0.05]), ..setup() };
+        setup.walls.retain(|wall| matches!(wall.shape, Shape::Plane { .. }));
+        setup.fill.area = FillArea::Rectangle { x: [-0.03, 0.03], y: [-0.05, 0.05] };
+        setup.fill.base = 0.01;
+        setup.fill.volume = 1e-4;
+        let grains = fill(&setup, 1).unwrap().grains;
+        let end = |arch| {
+            let mut world = World { arch, ..World::new(&setup, &grains).unwrap() };
+            (0..4000).for_each(|_| world.step().unwrap());
+            assert!(world.pairs.across.len() > 10, "{} pairs across", world.pairs.across.len());
+            world.state()
+        };
+        let scalar = end(Arch::Scalar);
+        assert_eq!(scalar, end(Arch::new()), "widest vectors of this machine");
+        #[cfg(target_arch = "x86_64")]
+        if let Some(v3) = pulp::x86::V3::try_new() {
+            assert_eq!(scalar, end(Arch::V3(v3)), "AVX2");
         }
     }
 

@@ -14,6 +14,7 @@ mod checkpoint;
 mod many;
 mod oblique;
 mod outcomes;
+mod periodic;
 mod runs;
 mod walls;
 
@@ -66,6 +67,7 @@ fn space(fraction: f64) -> Setup {
         events: Vec::new(),
         stop: StopRule { energy_ratio: Some(1e-6), empty: None, check_after: 0.0, time_cap: 1.0 },
         domain: Region { lower: [-10.0; 3], upper: [10.0; 3] },
+        periodic: None,
         trace: None,
     }
 }
