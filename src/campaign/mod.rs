@@ -14,7 +14,7 @@ mod request;
 pub use measure::{KPI_VERSION, kpi_key};
 pub use progress::Progress;
 pub use provenance::Stopwatch;
-pub use records::{FAILED, KpiRecord, OK, RunRecord};
+pub use records::{FAILED, KpiRecord, OK, RunRecord, state_digest};
 pub use request::{Point, Request, Values, run_seed};
 
 use crate::canonical::{CanonicalError, Digest};
@@ -342,7 +342,12 @@ impl Campaign {
             stop: record.stop,
             time_s: record.time_s,
             steps: record.steps,
+            inserted: record.inserted,
+            insertion_attempts: record.insertion_attempts,
+            deleted: record.deleted,
+            lost: record.lost,
             particles: record.particles,
+            energy_ratio: record.energy_ratio,
             coordination_number: record.coordination_number,
             max_overlap: record.max_overlap,
             state: record.state,

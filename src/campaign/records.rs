@@ -15,7 +15,7 @@ const STEP_LIMIT: &str = "step_limit";
 
 table! {
     /// One run of the engine, whoever asked for it.
-    pub struct RunRecord in "ledger_runs" version 1 keyed by run_key sorted by (run_key) {
+    pub struct RunRecord in "ledger_runs" version 2 keyed by run_key sorted by (run_key) {
         /// Content key: physics version, experiment, resolved settings and seed.
         run_key: String [""],
         /// `ok` or `failed`.
@@ -28,8 +28,18 @@ table! {
         time_s: Option<f64> ["s"],
         /// Time steps.
         steps: Option<u64> ["1"],
+        /// Grains inserted.
+        inserted: Option<u32> ["1"],
+        /// Attempts of the insertion, accepted or not.
+        insertion_attempts: Option<u64> ["1"],
+        /// Grains deleted because they lay above the fill height.
+        deleted: Option<u32> ["1"],
+        /// Grains that left the domain.
+        lost: Option<u32> ["1"],
         /// Particles in the final state.
         particles: Option<u32> ["1"],
+        /// Translational kinetic over elastic energy at the end; null where no contact is left.
+        energy_ratio: Option<f64> ["1"],
         /// Mean number of contacts per particle at the end.
         coordination_number: Option<f64> ["1"],
         /// Largest overlap over the smaller radius.
@@ -67,7 +77,12 @@ impl RunRecord {
             stop: Some(stop_code(outcome.stop).to_owned()),
             time_s: Some(outcome.time),
             steps: Some(outcome.steps),
+            inserted: u32::try_from(outcome.inserted).ok(),
+            insertion_attempts: Some(outcome.attempts),
+            deleted: u32::try_from(outcome.deleted).ok(),
+            lost: u32::try_from(outcome.lost).ok(),
             particles: u32::try_from(outcome.state.len()).ok(),
+            energy_ratio: outcome.energies.ratio(),
             coordination_number: Some(outcome.coordination_number),
             max_overlap: Some(outcome.max_overlap),
             state: Some(state.to_string()),
@@ -84,7 +99,12 @@ impl RunRecord {
             stop: matches!(failure, Failure::StepLimit { .. }).then(|| STEP_LIMIT.to_owned()),
             time_s: None,
             steps: failure.steps(),
+            inserted: None,
+            insertion_attempts: None,
+            deleted: None,
+            lost: None,
             particles: None,
+            energy_ratio: None,
             coordination_number: None,
             max_overlap: None,
             state: None,
@@ -102,7 +122,12 @@ impl RunRecord {
             stop: row.stop,
             time_s: row.time_s,
             steps: row.steps,
+            inserted: row.inserted,
+            insertion_attempts: row.insertion_attempts,
+            deleted: row.deleted,
+            lost: row.lost,
             particles: row.particles,
+            energy_ratio: row.energy_ratio,
             coordination_number: row.coordination_number,
             max_overlap: row.max_overlap,
             state: row.state,
@@ -152,6 +177,14 @@ pub(super) fn state_bytes(state: &State) -> Result<Vec<u8>, TableError> {
         ],
     )?
     .to_parquet_bytes(STATE)
+}
+
+/// Digest under which the store keeps a final state; the `state` of its row in `runs`.
+///
+/// # Errors
+/// A state that holds a NaN.
+pub fn state_digest(state: &State) -> Result<Digest, TableError> {
+    Ok(Digest::of_content(&state_bytes(state)?))
 }
 
 /// Reads what [`state_bytes`] wrote.

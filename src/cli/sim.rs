@@ -1,14 +1,18 @@
-//! `sim`: one simulation with the study's set-up, its observables printed.
+//! `sim`: one simulation with the study's set-up, its observables printed; on request watched, stored and resumed.
+
+mod vtk;
+mod watch;
 
 use super::{CliError, Outcome};
-use crate::campaign::{Point, Request, Values};
+use crate::campaign::{Point, Request, Values, state_digest};
+use crate::dem::{Checkpoint, Setup, Simulation};
 use crate::pipeline::Study;
 use crate::settings::spec;
 use crate::{dem, effects, experiments, units};
 use clap::Args;
 use serde_json::{Value, json};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Simulate one experiment once and print what is read off it.
@@ -17,7 +21,10 @@ use std::sync::Arc;
 Examples:
   granulake sim ledge
   granulake sim pile --set sliding_friction=0.4 --set pile.drop_height=\"0.3 m\" --seed 7 --json
-  granulake sim bulk_density --effect cohesion=0.5")]
+  granulake sim bulk_density --effect cohesion=0.5
+  granulake sim hopper --vtk frames --trace energies.parquet --every \"5 ms\"
+  granulake sim hopper --checkpoint hopper.checkpoint          stopped on the way, it goes on to the same bits with
+  granulake sim hopper --resume hopper.checkpoint              the same settings, effects and seed")]
 pub struct Arguments {
     /// pile, ledge, bulk_density or hopper.
     experiment: String,
@@ -30,6 +37,11 @@ pub struct Arguments {
     /// Seed of the random packing.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    watch: watch::Options,
+    /// Go on from a checkpoint of the same run instead of starting at t = 0.
+    #[arg(long, value_name = "FILE")]
+    resume: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -56,7 +68,7 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         Request { label: "sim".to_owned(), experiment, point: Arc::new(point), repetition: 1, seed: arguments.seed };
     let resolved = request.resolve()?;
     let key = request.key(&resolved)?;
-    let outcome = dem::simulate(&experiment.setup(&resolved)?, arguments.seed)?;
+    let outcome = simulate(&experiment.setup(&resolved)?, arguments)?;
     let observables = experiment.observables().iter();
     let measured = experiment.measure(&resolved, &outcome.state, &outcome.trace);
     let kpis = observables.zip(&measured).map(|(observable, (name, value))| {
@@ -70,12 +82,18 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         "experiment": experiment.name(),
         "seed": arguments.seed,
         "run_key": key.to_string(),
+        "inserted": outcome.inserted,
+        "insertion_attempts": outcome.attempts,
+        "deleted": outcome.deleted,
+        "lost": outcome.lost,
         "particles": outcome.state.len(),
         "steps": outcome.steps,
         "time_s": outcome.time,
         "stop": format!("{:?}", outcome.stop),
+        "energy_ratio": outcome.energies.ratio(),
         "coordination_number": outcome.coordination_number,
         "max_overlap": outcome.max_overlap,
+        "state": state_digest(&outcome.state)?.to_string(),
         "kpis": kpis.collect::<serde_json::Map<_, _>>(),
     });
     let mut out = std::io::stdout().lock();
@@ -84,6 +102,35 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         false => write!(out, "{}", text(&answer))?,
     }
     Ok(if measured.iter().all(|(_, value)| value.is_ok()) { Outcome::Done } else { Outcome::FailedRuns })
+}
+
+/// Runs the simulation, from the start or from a checkpoint, and has it watched.
+fn simulate(setup: &Setup, arguments: &Arguments) -> Result<dem::Outcome, CliError> {
+    let mut run = match &arguments.resume {
+        Some(path) => {
+            let told = |what: &dyn std::fmt::Display| format!("`{}`: {what}", path.display());
+            let bytes = std::fs::read(path).map_err(|e| told(&e))?;
+            let checkpoint = Checkpoint::from_bytes(bytes).map_err(|e| told(&e))?;
+            Simulation::resume(setup, arguments.seed, &checkpoint).map_err(|e| told(&e))?
+        }
+        None => Simulation::new(setup, arguments.seed)?,
+    };
+    let mut watch = watch::Watch::new(&arguments.watch);
+    loop {
+        watch.look(&run)?;
+        match run.step() {
+            Ok(None) => {}
+            Ok(Some(stop)) => {
+                watch.finish(&run)?;
+                return Ok(run.outcome(stop));
+            }
+            Err(failure) => {
+                // What was seen until then is what one wants to look at.
+                watch.finish(&run)?;
+                return Err(failure.into());
+            }
+        }
+    }
 }
 
 fn strengths(pairs: &[(String, String)]) -> Result<Values, CliError> {
@@ -105,6 +152,11 @@ fn text(answer: &Value) -> String {
         fact("time_s"),
         fact("stop")
     );
+    let counts = ["inserted", "deleted", "lost"].map(|name| format!("{} {name}", fact(name))).join(", ");
+    let ends = ["energy_ratio", "max_overlap", "coordination_number"];
+    let ends = ends
+        .map(|name| format!("{name} {}", answer[name].as_f64().map_or("none".into(), |x| units::significant(x, 3))));
+    text += &format!("  {counts} ({} attempts); {}\n", fact("insertion_attempts"), ends.join(", "));
     for (name, entry) in answer["kpis"].as_object().into_iter().flatten() {
         let unit = entry["unit"].as_str().unwrap_or_default();
         let value = match (entry["value"].as_f64(), entry["reason"].as_str()) {

@@ -6,7 +6,7 @@
 //! A term of its own, called once per evaluation on the whole list; the contact law and its friction limit do not know it.
 
 use super::lanes::{Lanes, Mask, Number, Transposer, WIDTH};
-use super::lists::{PairList, WallList};
+use super::lists::{PairList, Rivals, WallList};
 use super::material::sphere_mass;
 use super::particles::Particles;
 use super::setup::{LiquidBridges, Setup};
@@ -68,6 +68,8 @@ pub struct PairBridges<'a> {
     pub grains: &'a mut Particles,
     /// Listed pairs.
     pub list: &'a mut PairList,
+    /// How far below itself the second grain is seen [m]: 0, or the period.
+    pub shift: f64,
     /// The law.
     pub law: &'a Bridges,
 }
@@ -94,7 +96,7 @@ impl PairBridges<'_> {
         let (transposer, place) = (Transposer(simd), &self.grains.place);
         let [x, y, z, radius_i] = transposer.gather(|l| *place[ends[l][0] as usize]);
         let [u, v, w, radius_j] = transposer.gather(|l| *place[ends[l][1] as usize]);
-        let between = sub([x, y, z], [u, v, w]);
+        let between = sub([x, y, z], [u, v - v.splat(self.shift), w]);
         let (square, sum, zero) = (dot(between, between), radius_i + radius_j, Lanes::zero(simd));
         let touches = square.less(sum * sum) & filled;
         let bridge = &mut self.list.entries.bridge[block];
@@ -118,7 +120,7 @@ impl PairBridges<'_> {
 }
 
 /// Adds the bridges to walls; a contact dropped at a joint follows the piece that is kept, and pulls nothing of its own.
-pub fn add_walls(grains: &mut Particles, list: &mut WallList, walls: &[WallPiece], law: &Bridges) {
+pub fn add_walls(grains: &mut Particles, list: &mut WallList, rivals: &Rivals, walls: &[WallPiece], law: &Bridges) {
     for (w, wall) in walls.iter().enumerate() {
         for entry in list.of_wall(w) {
             let grain = list.grain[entry];
@@ -128,7 +130,7 @@ pub fn add_walls(grains: &mut Particles, list: &mut WallList, walls: &[WallPiece
             if !touches && !list.entries.has_bridge(entry) {
                 continue;
             }
-            let kept = if near.edge { keeper(walls, w, xyz(&place), &near) } else { None };
+            let kept = if near.edge { keeper(walls, rivals.of_grain(grain), w, xyz(&place), &near) } else { None };
             if let Some(kept) = kept.and_then(|kept| list.find(kept, grain)) {
                 let exists = list.entries.has_bridge(kept);
                 list.entries.set_bridge(entry, exists);

@@ -5,7 +5,7 @@
 
 use super::contact::{Coefficients, Constants, Kinematics, Response, Springs, respond};
 use super::lanes::{Lanes, Mask, Number, Rows, Transposer, Truths, WIDTH};
-use super::lists::{Block, Entries, PairList, Pairs, Row, WallList};
+use super::lists::{Block, Entries, PairList, Pairs, Rivals, Row, WallList};
 use super::particles::Particles;
 use super::setup::Vec3;
 use super::vector::{Row8, dot, pick, scale, splat, sub, xyz};
@@ -32,8 +32,31 @@ impl WithSimd for PairForces<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let kernel = Kernel { simd, transposer: Transposer(simd) };
-        let deep = kernel.add_pairs(self.grains, &mut self.pairs.touching, self.law);
-        deep | kernel.add_pairs(self.grains, &mut self.pairs.apart, self.law)
+        let deep = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.law, 0.0);
+        deep | kernel.add_pairs::<false>(self.grains, &mut self.pairs.apart, self.law, 0.0)
+    }
+}
+
+/// Forces between grains that touch across the ends of the period.
+pub struct AcrossForces<'a> {
+    /// Grains, whose loads are added to.
+    pub grains: &'a mut Particles,
+    /// Listed pairs.
+    pub list: &'a mut PairList,
+    /// The law between grains.
+    pub law: &'a Coefficients,
+    /// The period [m].
+    pub period: f64,
+}
+
+impl WithSimd for AcrossForces<'_> {
+    /// Whether an overlap is beyond [`MAX_OVERLAP`].
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let kernel = Kernel { simd, transposer: Transposer(simd) };
+        kernel.add_pairs::<true>(self.grains, self.list, self.law, self.period)
     }
 }
 
@@ -43,6 +66,8 @@ pub struct WallForces<'a> {
     pub grains: &'a mut Particles,
     /// Listed wall contacts.
     pub contacts: &'a mut WallList,
+    /// Which walls every grain may touch.
+    pub rivals: &'a Rivals,
     /// Walls.
     pub walls: &'a [WallPiece],
     /// The law at walls.
@@ -57,8 +82,25 @@ impl WithSimd for WallForces<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self { grains, contacts: list, rivals, walls, law, inherit } = self;
         let kernel = Kernel { simd, transposer: Transposer(simd) };
-        kernel.add_walls(self.grains, self.contacts, self.walls, self.law, self.inherit)
+        let mut deep = false;
+        inherit.clear();
+        // One loop per wall, with its geometry inlined.
+        for (w, wall) in walls.iter().enumerate() {
+            let mut pass = WallPass { kernel, grains, list, rivals, walls, wall: w, law, inherit };
+            deep |= match &wall.surface {
+                Surface::Plane(plane) => pass.run(plane),
+                Surface::Rectangle(rectangle) => pass.run(rectangle),
+                Surface::Cylinder(cylinder) => pass.run(cylinder),
+                Surface::Cone(cone) => pass.run(cone),
+                Surface::Triangle(triangle) => pass.run(triangle),
+            };
+        }
+        for &[dropped, kept] in inherit.iter() {
+            list.entries.inherit(kept as usize, dropped as usize);
+        }
+        deep
     }
 }
 
@@ -81,9 +123,16 @@ impl<S: Simd> Kernel<S> {
     /// Vectors per block.
     const PARTS: usize = WIDTH / S::F64_LANES;
 
-    /// Adds the forces between grains. Tells whether an overlap is too deep.
+    /// Adds the forces between grains, with ACROSS of those whose second grain is seen a period lower. Tells whether an
+    /// overlap is too deep.
     #[inline(always)]
-    fn add_pairs(self, grains: &mut Particles, list: &mut PairList, law: &Coefficients) -> bool {
+    fn add_pairs<const ACROSS: bool>(
+        self,
+        grains: &mut Particles,
+        list: &mut PairList,
+        law: &Coefficients,
+        period: f64,
+    ) -> bool {
         let count = list.len();
         let mut deep = false;
         let (ends, _) = list.ends.as_chunks::<WIDTH>();
@@ -92,7 +141,7 @@ impl<S: Simd> Kernel<S> {
             let was_live = std::mem::replace(live, false);
             for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
                 let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
-                let (touch, active, too_deep) = self.touch(grains, ends, filled);
+                let (touch, active, too_deep) = self.touch::<ACROSS>(grains, ends, filled, period);
                 deep |= too_deep;
                 if active.any() {
                     let response = self.respond_pairs(grains, ends, &touch, block, part, law);
@@ -109,9 +158,16 @@ impl<S: Simd> Kernel<S> {
 
     /// Normals n = d/|d|, overlaps δ = R_i + R_j - |d| and arms R - δ/2; which pairs touch; whether one is too deep.
     #[inline(always)]
-    fn touch(self, grains: &Particles, ends: &[[u32; 2]], filled: Truths<S>) -> (Touch<S>, Truths<S>, bool) {
+    fn touch<const ACROSS: bool>(
+        self,
+        grains: &Particles,
+        ends: &[[u32; 2]],
+        filled: Truths<S>,
+        period: f64,
+    ) -> (Touch<S>, Truths<S>, bool) {
         let [x, y, z, radius_i] = self.transposer.gather(|l| *grains.place[ends[l][0] as usize]);
         let [u, v, w, radius_j] = self.transposer.gather(|l| *grains.place[ends[l][1] as usize]);
+        let v = if ACROSS { v - v.splat(period) } else { v };
         let between = sub([x, y, z], [u, v, w]);
         let (square, sum) = (dot(between, between), radius_i + radius_j);
         let active = square.less(sum * sum) & filled;
@@ -221,32 +277,6 @@ impl<S: Simd> Kernel<S> {
     fn rows(self, active: Truths<S>, lanes: [Lanes<S>; 3]) -> Rows<S> {
         self.transposer.rows(pick(active, lanes, [Lanes::zero(self.simd); 3]))
     }
-
-    /// Adds the forces of the walls, one loop per wall with its geometry inlined. Tells whether an overlap is too deep.
-    #[inline(always)]
-    fn add_walls(
-        self,
-        grains: &mut Particles,
-        list: &mut WallList,
-        walls: &[WallPiece],
-        law: &Coefficients,
-        inherit: &mut Vec<[u32; 2]>,
-    ) -> bool {
-        let mut deep = false;
-        inherit.clear();
-        for (w, wall) in walls.iter().enumerate() {
-            let mut pass = WallPass { kernel: self, grains, list, walls, wall: w, law, inherit };
-            deep |= match wall.surface {
-                Surface::Plane(plane) => pass.run(&plane),
-                Surface::Rectangle(rectangle) => pass.run(&rectangle),
-                Surface::Cylinder(cylinder) => pass.run(&cylinder),
-            };
-        }
-        for &[dropped, kept] in inherit.iter() {
-            list.entries.inherit(kept as usize, dropped as usize);
-        }
-        deep
-    }
 }
 
 /// All contacts with one wall.
@@ -254,6 +284,7 @@ struct WallPass<'a, S: Simd> {
     kernel: Kernel<S>,
     grains: &'a mut Particles,
     list: &'a mut WallList,
+    rivals: &'a Rivals,
     walls: &'a [WallPiece],
     wall: usize,
     law: &'a Coefficients,
@@ -335,7 +366,9 @@ impl<S: Simd> WallPass<'_, S> {
     /// Whether the edge contact is dropped; then notes whose springs it inherits.
     fn drops(&mut self, entry: usize, grain: u32, centre: Vec3) -> bool {
         let near = self.walls[self.wall].surface.near(centre);
-        let Some(kept) = keeper(self.walls, self.wall, centre, &near) else { return false };
+        let Some(kept) = keeper(self.walls, self.rivals.of_grain(grain), self.wall, centre, &near) else {
+            return false;
+        };
         if let Some(kept) = self.list.find(kept, grain) {
             self.inherit.push([entry as u32, kept as u32]);
         }

@@ -3,6 +3,7 @@
 //! Takes rows (x, y, z, reach); two grains are near when their distance is below the sum of their reaches. The order of cells
 //! has x fastest, so that the three cells of a row are one contiguous range of grains.
 
+use super::setup::Vec3;
 use super::vector::Row4;
 
 /// Cells over the bounding box of the grains.
@@ -83,8 +84,26 @@ impl Grid {
     }
 
     fn cell_of(&self, row: &Row4) -> usize {
-        let index = |axis: usize| (((row[axis] - self.lower[axis]) * self.inverse) as usize).min(self.size[axis] - 1);
+        let index = |axis: usize| self.index(row[axis], axis);
         (index(2) * self.size[1] + index(1)) * self.size[0] + index(0)
+    }
+
+    /// Number of the cell along an axis; never falls with x.
+    fn index(&self, x: f64, axis: usize) -> usize {
+        (((x - self.lower[axis]) * self.inverse) as usize).min(self.size[axis] - 1)
+    }
+
+    /// Calls `visit(i)` for every sorted grain in the cells that a box [m] touches, ascending; all grains in the box are
+    /// among them.
+    pub fn visit_box(&self, [lower, upper]: [Vec3; 2], mut visit: impl FnMut(usize)) {
+        let [x, y, z] = [0, 1, 2].map(|axis| [self.index(lower[axis], axis), self.index(upper[axis], axis)]);
+        for layer in z[0]..=z[1] {
+            for row in y[0]..=y[1] {
+                let base = (layer * self.size[1] + row) * self.size[0];
+                let grains = self.start[base + x[0]] as usize..self.start[base + x[1] + 1] as usize;
+                grains.for_each(&mut visit);
+            }
+        }
     }
 
     /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j; `hits` is work space.
@@ -163,6 +182,24 @@ mod tests {
         let expected: Vec<_> = all.filter(|&(i, j)| near(&rows[i], &rows[j])).collect();
         assert!(expected.len() > 800);
         assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_box_holds_the_grains_inside_it_in_order() {
+        let mut stream = Stream::new(2, "grid");
+        let rows: Vec<Row4> =
+            (0..500).map(|_| Row4([stream.uniform(), stream.uniform(), 0.4 * stream.uniform(), 0.01])).collect();
+        let mut grid = Grid::default();
+        grid.sort(&rows, &vec![true; rows.len()], 0.1);
+        let sorted: Vec<Row4> = grid.order.iter().map(|&k| rows[k as usize]).collect();
+        for corners in [[[0.2, 0.3, 0.1], [0.4, 0.5, 0.3]], [[-1.0; 3], [2.0; 3]], [[0.9, 0.9, 0.35], [3.0; 3]]] {
+            let mut found = Vec::new();
+            grid.visit_box(corners, |i| found.push(i));
+            assert!(found.is_sorted());
+            let inside = |row: &Row4| (0..3).all(|c| corners[0][c] <= row[c] && row[c] <= corners[1][c]);
+            let missing = (0..sorted.len()).find(|i| inside(&sorted[*i]) && !found.contains(i));
+            assert_eq!(missing, None);
+        }
     }
 
     #[test]

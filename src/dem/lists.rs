@@ -5,6 +5,7 @@
 //! Contacts stand in blocks of [`WIDTH`], one array per number, so that a vector of them is one load; a list is padded to whole
 //! blocks with entries that belong to grain 0 and are never touched.
 
+use super::checkpoint::stored;
 use super::contact::{Constants, Springs};
 use super::lanes::WIDTH;
 
@@ -45,13 +46,16 @@ pub struct PairList {
     start: Vec<u32>,
 }
 
-/// All listed pairs, in two lists: vectors of the first are full of contacts, most of the second are left early.
+/// All listed pairs, in three lists: vectors of the first are full of contacts, most of the second are left early, and those
+/// of the third see their second grain from across the ends of the period.
 #[derive(Debug, Clone, Default)]
 pub struct Pairs {
     /// Pairs that touched at the last rebuild.
     pub touching: PairList,
     /// The others.
     pub apart: PairList,
+    /// Pairs (i, j) of a grain near the lower end of the period and one near the upper, whose image is a period below it.
+    pub across: PairList,
 }
 
 /// Listed contacts of grains with walls.
@@ -65,7 +69,53 @@ pub struct WallList {
     ranges: Vec<[u32; 2]>,
 }
 
+stored!(Block { springs, constants });
+stored!(Entries { blocks, live, bridge });
+stored!(PairList { ends, entries, len, start });
+stored!(Pairs { touching, apart, across });
+stored!(WallList { grain, entries, ranges });
+
+/// Which walls every grain may touch: the lists of walls the other way round.
+#[derive(Debug, Clone, Default)]
+pub struct Rivals {
+    /// First entry of each grain, and the end of the last.
+    start: Vec<u32>,
+    walls: Vec<u32>,
+}
+
+impl Rivals {
+    /// Reads the lists anew.
+    pub fn index(&mut self, list: &WallList, grains: usize) {
+        self.start.clear();
+        self.start.resize(grains + 2, 0);
+        let all = || (0..list.ranges.len()).flat_map(|w| list.of_wall(w).map(move |entry| (w, entry)));
+        // Counted two places ahead, so that after the sum every place is the cursor of the grain before it.
+        all().for_each(|(_, entry)| self.start[list.grain[entry] as usize + 2] += 1);
+        for i in 1..self.start.len() {
+            self.start[i] += self.start[i - 1];
+        }
+        self.walls.clear();
+        self.walls.resize(self.start.last().map_or(0, |&count| count as usize), 0);
+        for (w, entry) in all() {
+            let cursor = &mut self.start[list.grain[entry] as usize + 1];
+            self.walls[*cursor as usize] = w as u32;
+            *cursor += 1;
+        }
+    }
+
+    /// Walls that list a grain, in order.
+    pub fn of_grain(&self, grain: u32) -> &[u32] {
+        let [first, last] = [0, 1].map(|next| self.start[grain as usize + next] as usize);
+        &self.walls[first..last]
+    }
+}
+
 impl Entries {
+    /// Whether the arrays hold whole blocks.
+    fn is_consistent(&self) -> bool {
+        self.live.len() == self.blocks.len() && self.bridge.len() == self.blocks.len()
+    }
+
     fn clear(&mut self) {
         self.blocks.clear();
         self.live.clear();
@@ -150,6 +200,16 @@ impl Entries {
 }
 
 impl PairList {
+    /// Whether the list fits this number of grains.
+    fn is_consistent(&self, grains: usize) -> bool {
+        let known = |ends: &[u32; 2]| ends.iter().all(|&i| (i as usize) < grains);
+        let whole = self.ends.len() == self.entries.capacity() && self.len <= self.ends.len();
+        whole
+            && self.entries.is_consistent()
+            && self.ends.iter().all(known)
+            && self.start.iter().all(|&first| first as usize <= self.len)
+    }
+
     /// Number of listed pairs.
     pub fn len(&self) -> usize {
         self.len
@@ -193,20 +253,26 @@ impl PairList {
 }
 
 impl Pairs {
-    /// Number of listed pairs.
-    pub fn len(&self) -> usize {
-        self.touching.len() + self.apart.len()
+    /// Whether the lists fit this number of grains.
+    pub fn is_consistent(&self, grains: usize) -> bool {
+        self.lists().iter().all(|list| list.is_consistent(grains))
     }
 
-    /// Both lists, in the order in which forces are added.
-    pub fn lists(&self) -> [&PairList; 2] {
-        [&self.touching, &self.apart]
+    /// Number of listed pairs.
+    pub fn len(&self) -> usize {
+        self.touching.len() + self.apart.len() + self.across.len()
+    }
+
+    /// The lists, in the order in which forces are added.
+    pub fn lists(&self) -> [&PairList; 3] {
+        [&self.touching, &self.apart, &self.across]
     }
 
     /// Empties the lists.
     pub fn clear(&mut self) {
         self.touching.clear();
         self.apart.clear();
+        self.across.clear();
     }
 
     /// Appends the pair (i, j), which was (a, b) in the numbering of `old`; a pair new to the lists asks for its constants.
@@ -221,9 +287,27 @@ impl Pairs {
         [a, b]: [u32; 2],
         fresh: impl FnOnce() -> Constants,
     ) {
-        let (older, sign) = if a < b { (old.find(a, b), 1.0) } else { (old.find(b, a), -1.0) };
+        let (older, sign) = old.older(a, b);
         let list = if touching { &mut self.touching } else { &mut self.apart };
         list.push(ends, older, sign, fresh);
+    }
+
+    /// Appends the pair (i, j) that is near across the ends of the period, which was (a, b) in the numbering of `old`.
+    pub fn push_across(&mut self, ends: [u32; 2], old: &Self, [a, b]: [u32; 2], fresh: impl FnOnce() -> Constants) {
+        let (older, sign) = old.older(a, b);
+        self.across.push(ends, older, sign, fresh);
+    }
+
+    /// The entry of a pair, and -1 where it stands there the other way round.
+    fn older(&self, a: u32, b: u32) -> (Option<(&Entries, usize)>, f64) {
+        let (inside, sign) = if a < b { (self.find(a, b), 1.0) } else { (self.find(b, a), -1.0) };
+        if inside.is_some() || self.across.len() == 0 {
+            return (inside, sign);
+        }
+        match self.across.find(a, b) {
+            Some(found) => (Some(found), 1.0),
+            None => (self.across.find(b, a), -1.0),
+        }
     }
 
     fn find(&self, i: u32, j: u32) -> Option<(&Entries, usize)> {
@@ -232,6 +316,16 @@ impl Pairs {
 }
 
 impl WallList {
+    /// Whether the list fits this number of grains and walls.
+    pub fn is_consistent(&self, grains: usize, walls: usize) -> bool {
+        let inside = |&[first, last]: &[u32; 2]| first <= last && last as usize <= self.grain.len();
+        self.ranges.len() == walls
+            && self.ranges.iter().all(|range| inside(range) && (range[0] as usize).is_multiple_of(WIDTH))
+            && self.grain.len() == self.entries.capacity()
+            && self.entries.is_consistent()
+            && self.grain.iter().all(|&i| (i as usize) < grains)
+    }
+
     /// Empties the list.
     pub fn clear(&mut self) {
         self.grain.clear();

@@ -1,7 +1,7 @@
 //! The discrete-element engine: spheres with a linear visco-elastic contact law, sliding and rolling springs, and walls.
 //!
-//! Takes a [`Setup`] and a seed, gives an [`Outcome`] or a [`Failure`] through [`simulate`]; [`World`] is the same engine step by
-//! step, with grains placed by hand. Knows nothing of experiments, KPIs or files, does no input or output, runs on one thread.
+//! Takes a [`Setup`] and a seed, gives an [`Outcome`] or a [`Failure`] through [`simulate`]; a [`Simulation`] is a run that can be
+//! looked at and stored on the way, [`World`] the engine itself with grains placed by hand. Knows nothing of experiments, KPIs or files, does no input or output, runs on one thread.
 //!
 //! ```text
 //! setup -> validate -> fill -> world: [ integrate -> (rebuild: skin, grid, lists) -> forces: contact, walls -> bridges ] -> outcome
@@ -12,6 +12,7 @@
 //! exactly; a Bond number or spread of zero is bit-identical to its absence; a step allocates nothing once warm.
 
 pub mod bridges;
+mod checkpoint;
 mod contact;
 mod fill;
 mod forces;
@@ -25,20 +26,25 @@ mod outcome;
 mod particles;
 mod run;
 pub mod setup;
+mod sizes;
 mod skin;
+mod stl;
 mod validate;
 mod vector;
 pub mod walls;
 mod world;
 
+pub use checkpoint::{Checkpoint, CheckpointError};
 pub use observe::{Contact, Partner};
 pub use outcome::{Energies, EventRecord, Failure, Outcome, State, Stop, TracePoint};
 pub use particles::Grain;
-pub use run::{simulate, simulate_within};
+pub use run::{Simulation, simulate, simulate_within};
 pub use setup::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Region, Setup, Shape,
-    SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies,
+    StopRule, Trace, Vec3, Wall, WallSpecies,
 };
+pub use sizes::SizeDistribution;
+pub use stl::{StlError, mesh};
 pub use world::World;
 
 /// Version of the simulated physics; raised with every change that alters the bits of a result. Part of every run's key.

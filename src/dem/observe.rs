@@ -94,7 +94,7 @@ impl World {
         self.sum(|_, mass, v, _| [mass * v[0], mass * v[1], mass * v[2]])
     }
 
-    /// Sum of x × m v + I ω about the origin [kg m²/s].
+    /// Sum of x × m v + I ω about the origin [kg m²/s]; a period does not conserve it.
     pub fn angular_momentum(&self) -> Vec3 {
         self.sum(|i, mass, v, w| {
             let orbital = super::vector::cross(xyz(&self.grains.place[i]), v);
@@ -141,22 +141,25 @@ impl World {
 
     /// Calls `visit(grain, other, overlap, springs)` for every touching contact, in list order.
     fn for_each_contact(&self, mut visit: impl FnMut(usize, Other, f64, &Springs)) {
-        for list in self.pairs.lists() {
+        let period = self.period.map_or(0.0, |[low, high]| high - low);
+        for (list, shift) in self.pairs.lists().into_iter().zip([0.0, 0.0, period]) {
             for (k, &[i, j]) in list.pairs().iter().enumerate() {
-                let (a, b) = (&self.grains.place[i as usize], &self.grains.place[j as usize]);
-                if touch(a, b) {
-                    let overlap = a[3] + b[3] - length(sub(xyz(a), xyz(b)));
+                let (a, mut b) = (self.grains.place[i as usize], self.grains.place[j as usize]);
+                b[1] -= shift;
+                if touch(&a, &b) {
+                    let overlap = a[3] + b[3] - length(sub(xyz(&a), xyz(&b)));
                     visit(i as usize, Other::Grain(j as usize), overlap, &list.entries.springs(k));
                 }
             }
         }
         for (w, wall) in self.walls.iter().enumerate() {
             for k in self.contacts.of_wall(w) {
-                let grain = self.contacts.grain[k] as usize;
+                let number = self.contacts.grain[k];
+                let (grain, rivals) = (number as usize, self.rivals.of_grain(number));
                 let place = &self.grains.place[grain];
                 let near = wall.surface.near(xyz(place));
                 let overlap = place[3] - near.distance;
-                let dropped = near.edge && keeper(&self.walls, w, xyz(place), &near).is_some();
+                let dropped = near.edge && keeper(&self.walls, rivals, w, xyz(place), &near).is_some();
                 if overlap > 0.0 && !dropped {
                     visit(grain, Other::Wall(w), overlap, &self.contacts.entries.springs(k));
                 }

@@ -1,5 +1,6 @@
 //! What a simulation gives: final state, trace, counts, or a typed failure that says where and why.
 
+use super::checkpoint::stored;
 use super::setup::Vec3;
 
 /// Final state of the grains, structure of arrays in order of insertion; every array has one entry per grain.
@@ -62,6 +63,18 @@ pub struct Energies {
     pub potential: f64,
 }
 
+impl Energies {
+    /// Sum of all [J].
+    pub fn total(&self) -> f64 {
+        self.translational + self.rotational + self.elastic + self.potential
+    }
+
+    /// Translational kinetic over elastic energy [-], which the stop rule looks at; `None` where no spring holds energy.
+    pub fn ratio(&self) -> Option<f64> {
+        (self.elastic > 0.0).then(|| self.translational / self.elastic)
+    }
+}
+
 /// What an event found and did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EventRecord {
@@ -72,6 +85,10 @@ pub struct EventRecord {
     /// Energies just before it.
     pub energies: Energies,
 }
+
+stored!(TracePoint { time, mass });
+stored!(Energies { translational, rotational, elastic, potential });
+stored!(EventRecord { time, deleted, energies });
 
 /// Result of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -168,6 +185,21 @@ pub enum Failure {
         /// Number of the grain in order of insertion.
         grain: u32,
     },
+    /// No grain reached the height up to which the vessel was to be filled.
+    #[error(
+        "underfilled: at t = {time:.6} s no grain lay above the fill height z = {height:.4} m, the highest at {highest:.4} m; \
+         insert more (`insertion_ratio`), or let the grains settle before they are levelled"
+    )]
+    Underfilled {
+        /// Step.
+        step: u64,
+        /// Time [s].
+        time: f64,
+        /// Fill height asked for [m].
+        height: f64,
+        /// Highest grain, by the same reference as the height [m].
+        highest: f64,
+    },
     /// The run needs more steps than allowed.
     #[error("needs more than {limit} time steps; raise the limit, or find out why the grains do not come to rest")]
     StepLimit {
@@ -180,7 +212,7 @@ impl Failure {
     /// Steps made until the run failed; none where it never started.
     pub const fn steps(&self) -> Option<u64> {
         match self {
-            Self::Overlap { step, .. } | Self::NotFinite { step, .. } => Some(*step),
+            Self::Overlap { step, .. } | Self::NotFinite { step, .. } | Self::Underfilled { step, .. } => Some(*step),
             Self::StepLimit { limit } => Some(*limit),
             Self::InvalidSetup { .. } | Self::FillOverflow { .. } => None,
         }

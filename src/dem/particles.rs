@@ -3,6 +3,7 @@
 //! A contact reads a grain's whole row at once, so rows of 32 bytes beat one array per component; the state that leaves the
 //! engine is structure of arrays. Velocities are those of the half step before the positions (leapfrog form of velocity Verlet).
 
+use super::checkpoint::stored;
 use super::material::sphere_mass;
 use super::setup::Vec3;
 use super::vector::{Row4, Row8, dot, sub, xyz};
@@ -48,7 +49,15 @@ pub struct Particles {
     pub id: Vec<u32>,
 }
 
+stored!(Particles { place, motion, spin, load, friction, id });
+
 impl Particles {
+    /// Whether every array has one entry per grain.
+    pub fn is_consistent(&self) -> bool {
+        let lengths = [self.motion.len(), self.spin.len(), self.load.len(), self.friction.len(), self.id.len()];
+        lengths == [self.len(); 5]
+    }
+
     /// Number of grains.
     pub fn len(&self) -> usize {
         self.place.len()

@@ -2,7 +2,10 @@
 //!
 //! Takes a [`Setup`] and a seed, gives an [`Outcome`] or a [`Failure`]. Single-threaded; the same arguments give the same
 //! bits on every machine, because nothing here or below depends on thread, clock, platform libm or order of addresses.
+//! [`simulate`] does it in one go; a [`Simulation`] is driven step by step by somebody who wants to look at it or to store it
+//! on the way, which changes no bit.
 
+use super::checkpoint::{Checkpoint, CheckpointError, Stored};
 use super::fill::fill;
 use super::outcome::{Energies, EventRecord, Failure, Outcome, Stop, TracePoint};
 use super::setup::{Action, Event, Setup};
@@ -26,19 +29,35 @@ pub fn simulate(setup: &Setup, seed: u64) -> Result<Outcome, Failure> {
 /// # Errors
 /// As [`simulate`], and [`Failure::StepLimit`].
 pub fn simulate_within(setup: &Setup, seed: u64, step_limit: Option<u64>) -> Result<Outcome, Failure> {
-    validate(setup)?;
-    let filling = fill(setup, seed)?;
-    let mut run = Run::new(setup, World::new(setup, &filling.grains)?);
-    let stop = run.finish(step_limit.unwrap_or(u64::MAX))?;
-    Ok(run.outcome(stop, filling.grains.len(), filling.attempts))
+    let mut run = Simulation::new(setup, seed)?;
+    let limit = step_limit.unwrap_or(u64::MAX);
+    loop {
+        if let Some(stop) = run.due()? {
+            return Ok(run.outcome(stop));
+        }
+        if run.world.steps() >= limit {
+            return Err(Failure::StepLimit { limit });
+        }
+        run.advance()?;
+    }
 }
 
 /// A simulation in progress.
-struct Run<'a> {
+#[derive(Debug, Clone)]
+pub struct Simulation<'a> {
     setup: &'a Setup,
+    seed: u64,
     world: World,
     /// Events in order of time; those of equal time as in the setup.
     events: Vec<&'a Event>,
+    log: Log,
+}
+
+/// What has happened so far.
+#[derive(Debug, Clone, Default)]
+struct Log {
+    inserted: usize,
+    attempts: u64,
     records: Vec<EventRecord>,
     trace: Vec<TracePoint>,
     deleted: usize,
@@ -46,48 +65,93 @@ struct Run<'a> {
     particle_steps: u64,
 }
 
-impl<'a> Run<'a> {
-    fn new(setup: &'a Setup, world: World) -> Self {
-        let mut events: Vec<&Event> = setup.events.iter().collect();
-        events.sort_by(|a, b| a.time.total_cmp(&b.time));
-        Self {
-            setup,
-            world,
-            events,
-            records: Vec::new(),
-            trace: Vec::new(),
-            deleted: 0,
-            max_overlap: 0.0,
-            particle_steps: 0,
-        }
+super::checkpoint::stored!(Log { inserted, attempts, records, trace, deleted, max_overlap, particle_steps });
+
+impl<'a> Simulation<'a> {
+    /// A filled setup at t = 0.
+    ///
+    /// # Errors
+    /// [`Failure`] where the setup contradicts itself or the filling does not fit.
+    pub fn new(setup: &'a Setup, seed: u64) -> Result<Self, Failure> {
+        validate(setup)?;
+        let filling = fill(setup, seed)?;
+        let world = World::new(setup, &filling.grains)?;
+        let log = Log { inserted: filling.grains.len(), attempts: filling.attempts, ..Log::default() };
+        Ok(Self::at(setup, seed, world, log))
     }
 
-    fn finish(&mut self, step_limit: u64) -> Result<Stop, Failure> {
-        loop {
-            self.run_due_events()?;
-            self.sample();
-            if self.world.steps().is_multiple_of(LOOK_INTERVAL)
-                && let Some(stop) = self.look()?
-            {
-                return Ok(stop);
-            }
-            if self.world.time() >= self.setup.stop.time_cap {
-                return Ok(Stop::TimeCap);
-            }
-            if self.world.steps() >= step_limit {
-                return Err(Failure::StepLimit { limit: step_limit });
-            }
-            self.world.step()?;
-            self.particle_steps += self.world.len() as u64;
+    /// The run that a checkpoint was taken of; it goes on to the same bits as the run itself.
+    ///
+    /// # Errors
+    /// [`CheckpointError::OtherRun`] for another setup or seed, [`CheckpointError::Damaged`].
+    pub fn resume(setup: &'a Setup, seed: u64, checkpoint: &Checkpoint) -> Result<Self, CheckpointError> {
+        let mut state = checkpoint.state(setup, seed)?;
+        let world = World::restore(setup, &mut state).ok_or(CheckpointError::Damaged)?;
+        let log = Log::take(&mut state).ok_or(CheckpointError::Damaged)?;
+        if state.is_empty() { Ok(Self::at(setup, seed, world, log)) } else { Err(CheckpointError::Damaged) }
+    }
+
+    fn at(setup: &'a Setup, seed: u64, world: World, log: Log) -> Self {
+        let mut events: Vec<&Event> = setup.events.iter().collect();
+        events.sort_by(|a, b| a.time.total_cmp(&b.time));
+        Self { setup, seed, world, events, log }
+    }
+
+    /// Everything that the rest of the run depends on.
+    pub fn checkpoint(&self) -> Checkpoint {
+        Checkpoint::new(self.setup, self.seed, |bytes| {
+            self.world.store(bytes);
+            self.log.put(bytes);
+        })
+    }
+
+    /// The grains, walls and contacts as they are.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// What the run is made of.
+    pub fn setup(&self) -> &Setup {
+        self.setup
+    }
+
+    /// Does what is due at this time, then one time step; where the run ends instead, tells why.
+    ///
+    /// # Errors
+    /// [`Failure`] where the run explodes or the vessel is underfilled.
+    pub fn step(&mut self) -> Result<Option<Stop>, Failure> {
+        let stop = self.due()?;
+        if stop.is_none() {
+            self.advance()?;
         }
+        Ok(stop)
+    }
+
+    /// What happens between two steps: events, samples, and whether the run ends here.
+    fn due(&mut self) -> Result<Option<Stop>, Failure> {
+        self.run_due_events()?;
+        self.sample();
+        if self.world.steps().is_multiple_of(LOOK_INTERVAL)
+            && let Some(stop) = self.look()?
+        {
+            return Ok(Some(stop));
+        }
+        Ok((self.world.time() >= self.setup.stop.time_cap).then_some(Stop::TimeCap))
+    }
+
+    fn advance(&mut self) -> Result<(), Failure> {
+        self.world.step()?;
+        self.log.particle_steps += self.world.len() as u64;
+        Ok(())
     }
 
     fn run_due_events(&mut self) -> Result<(), Failure> {
-        while let Some(event) = self.events.get(self.records.len()).filter(|event| event.time <= self.world.time()) {
+        while let Some(event) = self.events.get(self.log.records.len()).filter(|event| event.time <= self.world.time())
+        {
             let (time, energies) = (self.world.time(), self.world.energies());
             let deleted = act(&mut self.world, &event.action)?;
-            self.deleted += deleted;
-            self.records.push(EventRecord { time, deleted, energies });
+            self.log.deleted += deleted;
+            self.log.records.push(EventRecord { time, deleted, energies });
         }
         Ok(())
     }
@@ -95,8 +159,8 @@ impl<'a> Run<'a> {
     fn sample(&mut self) {
         let Some(trace) = &self.setup.trace else { return };
         let time = self.world.time();
-        if time >= trace.interval * self.trace.len() as f64 {
-            self.trace.push(TracePoint { time, mass: self.world.mass_in(&trace.region) });
+        if time >= trace.interval * self.log.trace.len() as f64 {
+            self.log.trace.push(TracePoint { time, mass: self.world.mass_in(&trace.region) });
         }
     }
 
@@ -104,9 +168,9 @@ impl<'a> Run<'a> {
     fn look(&mut self) -> Result<Option<Stop>, Failure> {
         self.world.check_finite()?;
         self.world.sweep()?;
-        self.max_overlap = self.max_overlap.max(self.world.max_overlap());
+        self.log.max_overlap = self.log.max_overlap.max(self.world.max_overlap());
         let rule = &self.setup.stop;
-        if self.world.time() < rule.check_after || self.records.len() < self.events.len() {
+        if self.world.time() < rule.check_after || self.log.records.len() < self.events.len() {
             return Ok(None);
         }
         if self.world.is_empty() || rule.empty.is_some_and(|region| self.world.is_clear(&region)) {
@@ -117,25 +181,26 @@ impl<'a> Run<'a> {
         Ok(at_rest.then_some(Stop::EnergyRatio))
     }
 
-    fn outcome(self, stop: Stop, inserted: usize, attempts: u64) -> Outcome {
-        let world = &self.world;
+    /// The result of a run that ended for this reason.
+    pub fn outcome(self, stop: Stop) -> Outcome {
+        let Self { world, log, .. } = self;
         Outcome {
             state: world.state(),
-            trace: self.trace,
+            trace: log.trace,
             stop,
             steps: world.steps(),
             time_step: world.time_step(),
             time: world.time(),
-            inserted,
-            attempts,
-            deleted: self.deleted,
+            inserted: log.inserted,
+            attempts: log.attempts,
+            deleted: log.deleted,
             lost: world.lost(),
-            events: self.records,
+            events: log.records,
             energies: world.energies(),
             coordination_number: world.coordination_number(),
-            max_overlap: self.max_overlap.max(world.max_overlap()),
+            max_overlap: log.max_overlap.max(world.max_overlap()),
             rebuilds: world.rebuilds(),
-            particle_steps: self.particle_steps,
+            particle_steps: log.particle_steps,
         }
     }
 }
@@ -143,7 +208,13 @@ impl<'a> Run<'a> {
 /// Does what an event says; gives the number of deleted grains. Names were checked before the run.
 fn act(world: &mut World, action: &Action) -> Result<usize, Failure> {
     match action {
-        Action::DeleteAbove { height, reference } => world.delete_above(*height, *reference),
+        Action::DeleteAbove { height, reference, level } => {
+            let highest = world.highest(*reference);
+            if *level && highest <= *height {
+                return Err(Failure::Underfilled { step: world.steps(), time: world.time(), height: *height, highest });
+            }
+            world.delete_above(*height, *reference)
+        }
         Action::RemoveWall { name } => world.remove_wall(name).map(|_| 0),
         Action::MoveWall { name, velocity } => world.move_wall(name, *velocity).map(|_| 0),
     }

@@ -3,6 +3,8 @@
 //! Takes nothing, gives plain data that [`simulate`](super::simulate) runs. SI units throughout, z points up.
 //! Deliberately ignorant of experiments and settings: whoever builds a [`Setup`] decides what its numbers mean.
 
+use super::sizes::SizeDistribution;
+
 /// A point or vector, (x, y, z).
 pub type Vec3 = [f64; 3];
 
@@ -29,6 +31,9 @@ pub struct Setup {
     pub stop: StopRule,
     /// Grains whose centre leaves this box are removed and counted.
     pub domain: Region,
+    /// Ends in y [m] of a piece that repeats itself: grains that leave at one end come in at the other and touch across it.
+    /// Walls are not repeated; they have to reach beyond both ends by a largest diameter.
+    pub periodic: Option<[f64; 2]>,
     /// Samples of the mass in a region over time.
     pub trace: Option<Trace>,
 }
@@ -44,22 +49,6 @@ pub struct Grains {
     pub sliding_spread: f64,
     /// Coefficient of variation of each grain's own rolling friction (lognormal, mean kept) [-]; 0 is off.
     pub rolling_spread: f64,
-}
-
-/// Distribution of the grain radius by number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SizeDistribution {
-    /// Normal, redrawn until it lies in `[mean - below·sd, mean + above·sd]` (paper, section 3.1: 5.02 ± 1.39 mm, 1.5, 5).
-    TruncatedNormal {
-        /// Mean before truncation [m].
-        mean: f64,
-        /// Standard deviation before truncation [m]; 0 gives equal spheres.
-        sd: f64,
-        /// Lower cut, in standard deviations below the mean [-].
-        below: f64,
-        /// Upper cut, in standard deviations above the mean [-].
-        above: f64,
-    },
 }
 
 /// Linear visco-elastic contact with sliding and rolling springs (Luding 2008; paper, Table 4).
@@ -121,7 +110,7 @@ pub struct WallSpecies {
 /// One wall piece.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wall {
-    /// Unique name, by which events address the wall.
+    /// Name by which events address the wall; triangles may share one, every other wall has its own.
     pub name: String,
     /// Shape and place.
     pub shape: Shape,
@@ -154,6 +143,20 @@ pub enum Shape {
         axis: [f64; 2],
         /// Inner radius [m].
         radius: f64,
+    },
+    /// Frustum of a vertical cone, touched from inside and outside and round its rims; equal radii make a piece of pipe.
+    Cone {
+        /// Axis, (x, y) [m].
+        axis: [f64; 2],
+        /// Height and radius of the lower rim [m].
+        lower: [f64; 2],
+        /// Height and radius of the upper rim [m].
+        upper: [f64; 2],
+    },
+    /// Triangle, touched from both sides and round its edges; those of one name make a mesh, see [`mesh`](super::mesh).
+    Triangle {
+        /// Corners [m].
+        corners: [Vec3; 3],
     },
 }
 
@@ -207,6 +210,8 @@ pub enum Action {
         height: f64,
         /// Which point of the grain counts.
         reference: Reference,
+        /// Whether grains have to reach that height: if none does, the vessel is underfilled and the run has failed.
+        level: bool,
     },
     /// Removes the wall of that name.
     RemoveWall {
@@ -262,30 +267,20 @@ pub struct Trace {
     pub region: Region,
 }
 
+impl Reference {
+    /// Height of that point of a sphere (x, y, z, R) [m].
+    pub(super) fn height(self, sphere: &[f64; 4]) -> f64 {
+        match self {
+            Self::Top => sphere[2] + sphere[3],
+            Self::Centre => sphere[2],
+        }
+    }
+}
+
 impl Region {
     /// Whether the point is in the box.
     pub fn contains(&self, point: Vec3) -> bool {
         (0..3).all(|axis| self.lower[axis] <= point[axis] && point[axis] <= self.upper[axis])
-    }
-}
-
-impl SizeDistribution {
-    /// Nominal mean radius r̄ [m], before truncation.
-    pub fn mean(&self) -> f64 {
-        let Self::TruncatedNormal { mean, .. } = *self;
-        mean
-    }
-
-    /// Smallest possible radius [m].
-    pub fn smallest(&self) -> f64 {
-        let Self::TruncatedNormal { mean, sd, below, .. } = *self;
-        mean - below * sd
-    }
-
-    /// Largest possible radius [m].
-    pub fn largest(&self) -> f64 {
-        let Self::TruncatedNormal { mean, sd, above, .. } = *self;
-        mean + above * sd
     }
 }
 

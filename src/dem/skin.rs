@@ -4,6 +4,7 @@
 //! skin. Motion common to all grains (a falling cloud) is taken off first, since it changes no gap between grains; for
 //! walls it is added as an allowance, together with the motion of the walls themselves, and the lists expire when that is used up.
 
+use super::checkpoint::Stored;
 use super::particles::Particles;
 use super::setup::Vec3;
 use super::vector::{Row4, dot, length, scale, sub, xyz};
@@ -54,6 +55,27 @@ impl Skin {
             age: 0,
             lifetime: u64::MAX,
         }
+    }
+
+    /// Appends what does not follow from the set-up.
+    pub fn store(&self, out: &mut Vec<u8>) {
+        self.base.put(out);
+        self.skin.put(out);
+        self.drift.put(out);
+        self.allowance.put(out);
+        self.age.put(out);
+        self.lifetime.put(out);
+    }
+
+    /// Takes back what [`Skin::store`] appended; `None` where the bytes do not fit this number of grains.
+    pub fn restore(&mut self, grains: usize, input: &mut &[u8]) -> Option<()> {
+        self.base = Stored::take(input)?;
+        self.skin = Stored::take(input)?;
+        self.drift = Stored::take(input)?;
+        self.allowance = Stored::take(input)?;
+        self.age = Stored::take(input)?;
+        self.lifetime = Stored::take(input)?;
+        (self.base.len() == grains && self.skin.len() == grains).then_some(())
     }
 
     /// One step has begun.

@@ -1,8 +1,11 @@
 //! Checks a setup before it runs: every number finite and in range, every name known, walls well formed.
 
 use super::outcome::Failure;
-use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, SizeDistribution, Vec3, Wall};
-use super::vector::{dot, length};
+use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, Vec3, Wall};
+use super::vector::{cross, dot, length, sub};
+
+/// Shortest period over the largest radius: below it a pair could be near both inside and across the ends.
+const SHORTEST_PERIOD: f64 = 8.0;
 
 /// Refuses a setup that contradicts itself.
 ///
@@ -21,6 +24,12 @@ pub fn validate(setup: &Setup) -> Result<(), Failure> {
     fill(setup)?;
     events(setup)?;
     region("domain", &setup.domain)?;
+    if let Some([low, high]) = setup.periodic {
+        let least = SHORTEST_PERIOD * setup.grains.size.largest();
+        let sound = low.is_finite() && high.is_finite() && high - low >= least;
+        let what = || format!("the period from y = {low} to {high} m is shorter than {least:.4} m, or not finite");
+        require(sound, what, "give it at least eight times the largest radius")?;
+    }
     if let Some(trace) = &setup.trace {
         positive("trace interval", trace.interval)?;
         region("trace region", &trace.region)?;
@@ -42,12 +51,10 @@ fn not_negative(name: &str, value: f64) -> Result<(), Failure> {
 }
 
 fn grains(setup: &Setup) -> Result<(), Failure> {
-    let SizeDistribution::TruncatedNormal { mean, sd, below, above } = setup.grains.size;
-    positive("mean radius", mean)?;
-    not_negative("standard deviation of the radius", sd)?;
-    positive("lower cut of the radius", below)?;
-    positive("upper cut of the radius", above)?;
-    positive("smallest radius", setup.grains.size.smallest())?;
+    if let Some(remedy) = setup.grains.size.fault() {
+        let what = format!("size distribution {:?} makes no radii", setup.grains.size);
+        return Err(Failure::InvalidSetup { what, remedy });
+    }
     positive("particle density", setup.grains.density)?;
     not_negative("sliding friction spread", setup.grains.sliding_spread)?;
     not_negative("rolling friction spread", setup.grains.rolling_spread)
@@ -77,8 +84,11 @@ fn contact(setup: &Setup) -> Result<(), Failure> {
 
 fn wall(wall: &Wall, before: &[Wall]) -> Result<(), Failure> {
     let name = &wall.name;
-    let fresh = before.iter().all(|other| other.name != *name);
-    require(fresh, || format!("two walls are named `{name}`"), "give every wall a name of its own")?;
+    let facet = |wall: &Wall| matches!(wall.shape, Shape::Triangle { .. });
+    // The pieces of a mesh stand one after the other, so that the last wall tells.
+    let of_mesh = facet(wall) && before.last().is_some_and(|last| facet(last) && last.name == *name);
+    let fresh = of_mesh || before.iter().all(|other| other.name != *name);
+    require(fresh, || format!("two walls are named `{name}`"), "give every wall and every mesh a name of its own")?;
     not_negative(&format!("sliding friction of wall `{name}`"), wall.species.sliding_friction)?;
     not_negative(&format!("rolling friction of wall `{name}`"), wall.species.rolling_friction)?;
     let real = |v: &Vec3| v.iter().all(|c| c.is_finite());
@@ -89,10 +99,17 @@ fn wall(wall: &Wall, before: &[Wall]) -> Result<(), Failure> {
             // Edges written in decimals are perpendicular to rounding only.
             real(corner) && area > 0.0 && area.is_finite() && dot(*edge_u, *edge_v).abs() <= 1e-9 * area
         }
+        Shape::Cone { axis, lower, upper } => {
+            let numbers = axis.iter().chain(lower).chain(upper).all(|c| c.is_finite());
+            numbers && lower[0] < upper[0] && lower[1].min(upper[1]) >= 0.0 && lower[1].max(upper[1]) > 0.0
+        }
+        Shape::Triangle { corners: [a, b, c] } => {
+            real(a) && real(b) && real(c) && length(cross(sub(*b, *a), sub(*c, *a))) > 0.0
+        }
         Shape::Cylinder { axis, radius } => axis.iter().all(|c| c.is_finite()) && radius.is_finite() && *radius > 0.0,
     };
     let what = || format!("wall `{name}` is degenerate or not finite: {:?}", wall.shape);
-    require(sound, what, "give non-zero sizes, and a rectangle two perpendicular edges")
+    require(sound, what, "give non-zero sizes, a rectangle two perpendicular edges, a cone its lower rim first")
 }
 
 fn fill(setup: &Setup) -> Result<(), Failure> {

@@ -6,18 +6,19 @@
 //! Knows nothing of filling, events or stop rules: see [`super::run`].
 
 use super::bridges::{self, Bridges, PairBridges};
+use super::checkpoint::Stored;
 use super::contact::{Coefficients, Constants, implicit};
-use super::forces::{MAX_OVERLAP, PairForces, WallForces};
+use super::forces::{AcrossForces, MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
 use super::integrate::Integration;
-use super::lists::{Pairs, WallList};
+use super::lists::{Pairs, Rivals, WallList};
 use super::material::{Law, pair_length, time_step};
 use super::outcome::{Failure, State};
 use super::particles::{Grain, Particles, touch};
 use super::setup::{Reference, Region, Setup, Vec3, WallSpecies};
 use super::skin::Skin;
 use super::vector::{Row4, dot, xyz};
-use super::walls::{Geometry, WallPiece};
+use super::walls::{Geometry, SAME_POINT, WallPiece};
 use pulp::Arch;
 
 /// Grains, walls and contacts at one time.
@@ -26,12 +27,15 @@ pub struct World {
     pub(super) grains: Particles,
     pub(super) pairs: Pairs,
     pub(super) contacts: WallList,
+    pub(super) rivals: Rivals,
     pub(super) walls: Vec<WallPiece>,
     pub(super) law: Law,
     pub(super) bridges: Option<Bridges>,
     pub(super) gravity: Vec3,
     density: f64,
     domain: Region,
+    /// Ends of the period in y [m].
+    pub(super) period: Option<[f64; 2]>,
     time_step: f64,
     steps: u64,
     lost: usize,
@@ -52,6 +56,7 @@ struct Spare {
     keep: Vec<bool>,
     reach: Vec<Row4>,
     entry: Vec<u32>,
+    limit: Vec<f64>,
     hits: Vec<u32>,
 }
 
@@ -64,17 +69,29 @@ impl World {
     /// # Errors
     /// [`Failure`] where grains overlap too far or are not finite to begin with.
     pub fn new(setup: &Setup, grains: &[Grain]) -> Result<Self, Failure> {
+        let mut world = Self::empty(setup);
+        grains.iter().for_each(|grain| world.grains.push(grain, world.density));
+        world.rebuild()?;
+        world.evaluate()?;
+        world.shift_velocities(-0.5);
+        Ok(world)
+    }
+
+    /// Without grains, and without lists of them.
+    fn empty(setup: &Setup) -> Self {
         let time_step = time_step(setup);
-        let mut world = Self {
+        Self {
             grains: Particles::default(),
             pairs: Pairs::default(),
             contacts: WallList::default(),
+            rivals: Rivals::default(),
             walls: setup.walls.iter().map(WallPiece::new).collect(),
             law: Law::new(setup, time_step),
             bridges: Bridges::new(setup),
             gravity: setup.gravity,
             density: setup.grains.density,
             domain: setup.domain,
+            period: setup.periodic,
             time_step,
             steps: 0,
             lost: 0,
@@ -83,12 +100,41 @@ impl World {
             spare: Spare::default(),
             inherit: Vec::new(),
             arch: Arch::new(),
-        };
-        grains.iter().for_each(|grain| world.grains.push(grain, world.density));
-        world.rebuild()?;
-        world.evaluate()?;
-        world.shift_velocities(-0.5);
-        Ok(world)
+        }
+    }
+
+    /// Appends everything that does not follow from the setup; the lists too, since their order is that of the sums.
+    pub(super) fn store(&self, out: &mut Vec<u8>) {
+        self.steps.put(out);
+        self.lost.put(out);
+        self.rebuilds.put(out);
+        self.grains.put(out);
+        self.pairs.put(out);
+        self.contacts.put(out);
+        self.walls.iter().for_each(|wall| wall.store(out));
+        self.skin.store(out);
+    }
+
+    /// The world that [`World::store`] appended; `None` where the bytes are not those of a world of this setup.
+    pub(super) fn restore(setup: &Setup, input: &mut &[u8]) -> Option<Self> {
+        let mut world = Self::empty(setup);
+        world.steps = Stored::take(input)?;
+        world.lost = Stored::take(input)?;
+        world.rebuilds = Stored::take(input)?;
+        world.grains = Stored::take(input)?;
+        world.pairs = Stored::take(input)?;
+        world.contacts = Stored::take(input)?;
+        for wall in &mut world.walls {
+            wall.restore(input)?;
+        }
+        world.skin.restore(world.len(), input)?;
+        let (grains, walls) = (world.len(), world.walls.len());
+        let lists = world.pairs.is_consistent(grains) && world.contacts.is_consistent(grains, walls);
+        if !world.grains.is_consistent() || !lists {
+            return None;
+        }
+        world.rivals.index(&world.contacts, grains);
+        Some(world)
     }
 
     /// One time step.
@@ -161,6 +207,7 @@ impl World {
 
     fn append(&self, i: usize, state: &mut State) {
         let [x, y, z, radius] = *self.grains.place[i];
+        let y = self.period.map_or(y, |ends| wrapped(y, ends));
         let ([vx, vy, vz], [wx, wy, wz]) = self.velocities(i);
         state.id.push(self.grains.id[i]);
         state.radius.push(radius);
@@ -201,14 +248,19 @@ impl World {
     }
 
     fn evaluate(&mut self) -> Result<(), Failure> {
-        let Self { grains, pairs, contacts, walls, law, inherit, arch, .. } = self;
-        let deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
-        let deep = deep | arch.dispatch(WallForces { grains, contacts, walls, law: &law.wall, inherit });
+        let Self { grains, pairs, contacts, rivals, walls, law, inherit, arch, .. } = self;
+        let mut deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
+        let length = self.period.map_or(0.0, |[low, high]| high - low);
+        if pairs.across.len() > 0 {
+            deep |= arch.dispatch(AcrossForces { grains, list: &mut pairs.across, law: &law.pair, period: length });
+        }
+        let deep = deep | arch.dispatch(WallForces { grains, contacts, rivals, walls, law: &law.wall, inherit });
         if let Some(law) = &self.bridges {
-            for list in [&mut self.pairs.touching, &mut self.pairs.apart] {
-                self.arch.dispatch(PairBridges { grains: &mut self.grains, list, law });
+            let Pairs { touching, apart, across } = &mut self.pairs;
+            for (list, shift) in [(touching, 0.0), (apart, 0.0), (across, length)] {
+                self.arch.dispatch(PairBridges { grains: &mut self.grains, list, shift, law });
             }
-            bridges::add_walls(&mut self.grains, &mut self.contacts, &self.walls, law);
+            bridges::add_walls(&mut self.grains, &mut self.contacts, &self.rivals, &self.walls, law);
         }
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
     }
@@ -219,35 +271,42 @@ impl World {
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn delete_above(&mut self, height: f64, reference: Reference) -> Result<usize, Failure> {
         let before = self.len();
-        let above = |place: &Row4| match reference {
-            Reference::Top => place[2] + place[3] > height,
-            Reference::Centre => place[2] > height,
-        };
         self.spare.keep.clear();
-        self.spare.keep.extend(self.grains.place.iter().map(|place| !above(place)));
+        self.spare.keep.extend(self.grains.place.iter().map(|place| reference.height(place) <= height));
         let kept = self.spare.keep.iter().filter(|keep| **keep).count();
         self.rebuild_kept()?;
         Ok(before - kept)
     }
 
-    /// Removes a wall; tells whether there was one of that name.
+    /// Height of the highest grain [m]; -∞ without grains.
+    pub(super) fn highest(&self, reference: Reference) -> f64 {
+        self.grains.place.iter().map(|place| reference.height(place)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Removes a wall, or a mesh as a whole; tells whether there was one of that name.
     ///
     /// # Errors
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn remove_wall(&mut self, name: &str) -> Result<bool, Failure> {
-        let Some(wall) = self.walls.iter_mut().find(|wall| wall.name == name && wall.active) else { return Ok(false) };
-        wall.active = false;
-        self.rebuild().map(|()| true)
+        self.change_walls(name, |wall| wall.active = false)
     }
 
-    /// Lets a wall move; tells whether there is one of that name.
+    /// Lets a wall move, or a mesh as a whole; tells whether there is one of that name.
     ///
     /// # Errors
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn move_wall(&mut self, name: &str, velocity: Vec3) -> Result<bool, Failure> {
-        let Some(wall) = self.walls.iter_mut().find(|wall| wall.name == name && wall.active) else { return Ok(false) };
-        wall.velocity = velocity;
-        self.rebuild().map(|()| true)
+        self.change_walls(name, |wall| wall.velocity = velocity)
+    }
+
+    /// Changes the walls of a name that are still there, and builds the lists anew if there are any.
+    fn change_walls(&mut self, name: &str, change: impl Fn(&mut WallPiece)) -> Result<bool, Failure> {
+        let mut found = false;
+        for wall in self.walls.iter_mut().filter(|wall| wall.name == name && wall.active) {
+            change(wall);
+            found = true;
+        }
+        if found { self.rebuild().map(|()| true) } else { Ok(false) }
     }
 
     /// Removes the grains outside the domain, which between rebuilds nobody notices.
@@ -268,6 +327,9 @@ impl World {
     /// Drops the grains not kept and those outside the domain, sorts the rest by cell and builds the lists anew.
     fn rebuild_kept(&mut self) -> Result<(), Failure> {
         self.check_finite()?;
+        if let Some(ends) = self.period {
+            self.grains.place.iter_mut().for_each(|place| place[1] = wrapped(place[1], ends));
+        }
         for (keep, place) in self.spare.keep.iter_mut().zip(&self.grains.place) {
             let inside = self.domain.contains(xyz(place));
             self.lost += usize::from(*keep && !inside);
@@ -281,8 +343,28 @@ impl World {
         self.grains.gather(&self.spare.grains, &self.spare.grid.order);
         self.skin.reorder(&self.grains, &self.spare.grid.order);
         self.list_pairs(rupture);
+        if let Some(ends) = self.period {
+            self.list_across(ends, widest);
+        }
         self.list_walls(rupture);
         Ok(())
+    }
+
+    /// Lists the pairs of a grain near the lower end of the period and one near the upper; `widest` is the largest reach [m].
+    fn list_across(&mut self, [low, high]: [f64; 2], widest: f64) {
+        let Self { grains, pairs, law, spare, .. } = self;
+        let order = &spare.grid.order;
+        for (i, row) in spare.reach.iter().enumerate().filter(|(_, row)| row[1] < low + 2.0 * widest) {
+            let image = Row4([row[0], row[1] + (high - low), row[2], row[3]]);
+            let reach = row[3] + widest;
+            let corners = [xyz(&image).map(|x| x - reach), xyz(&image).map(|x| x + reach)];
+            spare.grid.visit_box(corners, |j| {
+                if touch(&image, &spare.reach[j]) {
+                    let fresh = || pair_constants(grains, law, i, j);
+                    pairs.push_across([i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
+                }
+            });
+        }
     }
 
     fn list_pairs(&mut self, rupture: f64) {
@@ -301,30 +383,45 @@ impl World {
     fn list_walls(&mut self, rupture: f64) {
         std::mem::swap(&mut self.contacts, &mut self.spare.contacts);
         self.contacts.clear();
+        self.spare.entry.clear();
+        self.spare.entry.resize(self.spare.grains.len(), NONE);
+        self.spare.limit.clear();
+        let limit =
+            |(i, place): (usize, &Row4)| place[3] + self.skin.wall_margin(i) + rupture * (2.0 * place[3]) + SAME_POINT;
+        self.spare.limit.extend(self.grains.place.iter().enumerate().map(limit));
+        let widest = self.spare.limit.iter().copied().fold(0.0, f64::max);
         for w in 0..self.walls.len() {
             self.contacts.begin();
             if self.walls[w].active {
-                self.list_wall(w, rupture);
+                self.list_wall(w, widest);
             }
         }
+        self.rivals.index(&self.contacts, self.grains.len());
     }
 
-    fn list_wall(&mut self, w: usize, rupture: f64) {
-        let Self { grains, contacts, law, skin, spare, walls, .. } = self;
-        spare.entry.clear();
-        spare.entry.resize(spare.grains.len(), NONE);
+    /// Lists the grains within their limit of a wall; of one with an end only those in the cells about it are looked at.
+    fn list_wall(&mut self, w: usize, widest: f64) {
+        let Self { grains, contacts, law, spare, walls, .. } = self;
         for entry in spare.contacts.of_wall(w) {
             spare.entry[spare.contacts.grain[entry] as usize] = entry as u32;
         }
-        let species = walls[w].species;
-        for (i, place) in grains.place.iter().enumerate() {
-            let size = 2.0 * place[3];
-            let limit = place[3] + skin.wall_margin(i) + rupture * size;
-            if walls[w].surface.near(xyz(place)).distance < limit {
+        let WallPiece { species, surface, .. } = walls[w];
+        let mut look = |i: usize| {
+            if surface.near(xyz(&grains.place[i])).distance < spare.limit[i] {
                 let old = spare.entry[spare.grid.order[i] as usize];
                 let fresh = || wall_constants(grains, law, i, species);
                 contacts.push(i as u32, &spare.contacts, (old != NONE).then_some(old as usize), fresh);
             }
+        };
+        match surface.bounds() {
+            Some([lower, upper]) => {
+                let round = [lower.map(|x| x - widest), upper.map(|x| x + widest)];
+                spare.grid.visit_box(round, &mut look);
+            }
+            None => (0..grains.len()).for_each(&mut look),
+        }
+        for entry in spare.contacts.of_wall(w) {
+            spare.entry[spare.contacts.grain[entry] as usize] = NONE;
         }
     }
 
@@ -355,6 +452,16 @@ impl World {
         let position = xyz(&self.grains.place[grain]);
         Failure::Overlap { step: self.steps, time: self.time(), grain: self.grains.id[grain], position, overlap, with }
     }
+}
+
+/// A place in y, or its image in the period [m].
+fn wrapped(y: f64, [low, high]: [f64; 2]) -> f64 {
+    if (low..high).contains(&y) {
+        return y;
+    }
+    let inside = y - (high - low) * ((y - low) / (high - low)).floor();
+    // A hair below the lower end rounds to the upper one.
+    if inside < high { inside } else { low }
 }
 
 /// Constants of a pair. The frictions of two grains mix as harmonic means, as species do in MercuryDPM; where
@@ -407,6 +514,7 @@ mod tests {
             shape: Shape::Rectangle { corner, edge_u, edge_v },
             species,
         };
+        let facet = |corners| Wall { name: "mesh".to_owned(), shape: Shape::Triangle { corners }, species };
         let walls = vec![
             plate("left half", [-0.03, -0.03, 0.0], [0.03, 0.0, 0.0], [0.0, 0.06, 0.0]),
             plate("right half", [0.0, -0.03, 0.0], [0.03, 0.0, 0.0], [0.0, 0.06, 0.0]),
@@ -416,6 +524,13 @@ mod tests {
                 shape: Shape::Plane { point: [0.0; 3], normal: [0.1, 0.0, 1.0] },
                 species,
             },
+            Wall {
+                name: "funnel".to_owned(),
+                shape: Shape::Cone { axis: [0.0; 2], lower: [0.0, 0.02], upper: [0.02, 0.03] },
+                species,
+            },
+            facet([[-0.03, -0.03, 0.004], [0.03, -0.03, 0.0], [0.0, 0.03, 0.0]]),
+            facet([[0.0, 0.03, 0.0], [0.03, -0.03, 0.0], [0.03, 0.03, 0.01]]),
         ];
         Setup {
             grains: Grains::default(),
@@ -433,6 +548,7 @@ mod tests {
             events: Vec::new(),
             stop: StopRule { energy_ratio: None, empty: None, check_after: 0.0, time_cap: 1.0 },
             domain: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] },
+            periodic: None,
             trace: None,
         }
     }
@@ -454,6 +570,64 @@ mod tests {
         #[cfg(target_arch = "x86_64")]
         if let Some(v3) = pulp::x86::V3::try_new() {
             assert_eq!(scalar, run(Arch::V3(v3)), "AVX2");
+        }
+    }
+
+    /// Grains in a box that repeats itself in y, so that forces and bridges across its ends are taken too.
+    #[test]
+    fn every_vector_width_gives_the_same_bits_across_the_ends_of_a_period() {
+        let mut setup = Setup { periodic: Some([-0.05, 0.05]), ..setup() };
+        setup.walls.retain(|wall| matches!(wall.shape, Shape::Plane { .. }));
+        setup.fill.area = FillArea::Rectangle { x: [-0.03, 0.03], y: [-0.05, 0.05] };
+        setup.fill.base = 0.01;
+        setup.fill.volume = 1e-4;
+        let grains = fill(&setup, 1).unwrap().grains;
+        let end = |arch| {
+            let mut world = World { arch, ..World::new(&setup, &grains).unwrap() };
+            (0..4000).for_each(|_| world.step().unwrap());
+            assert!(world.pairs.across.len() > 10, "{} pairs across", world.pairs.across.len());
+            world.state()
+        };
+        let scalar = end(Arch::Scalar);
+        assert_eq!(scalar, end(Arch::new()), "widest vectors of this machine");
+        #[cfg(target_arch = "x86_64")]
+        if let Some(v3) = pulp::x86::V3::try_new() {
+            assert_eq!(scalar, end(Arch::V3(v3)), "AVX2");
+        }
+    }
+
+    /// A checkpoint holds nothing of the width: taken at one, continued at another, it ends with the same bits.
+    #[test]
+    fn a_checkpoint_goes_on_at_any_vector_width() {
+        let setup = setup();
+        let grains = fill(&setup, 1).unwrap().grains;
+        let mut archs = vec![Arch::Scalar, Arch::new()];
+        #[cfg(target_arch = "x86_64")]
+        archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+        let mut ends = Vec::new();
+        for (k, &first) in archs.iter().enumerate() {
+            let mut world = World { arch: first, ..World::new(&setup, &grains).unwrap() };
+            (0..1500).for_each(|_| world.step().unwrap());
+            let mut bytes = Vec::new();
+            world.store(&mut bytes);
+            let second = archs[(k + 1) % archs.len()];
+            let mut world = World { arch: second, ..World::restore(&setup, &mut &bytes[..]).unwrap() };
+            (0..1500).for_each(|_| world.step().unwrap());
+            ends.push(world.state());
+        }
+        let undisturbed = run(Arch::Scalar);
+        assert!(ends.iter().all(|end| *end == undisturbed));
+    }
+
+    /// Bytes that are no world are refused, wherever they are cut.
+    #[test]
+    fn a_world_cut_short_is_refused() {
+        let setup = setup();
+        let world = World::new(&setup, &fill(&setup, 1).unwrap().grains).unwrap();
+        let mut bytes = Vec::new();
+        world.store(&mut bytes);
+        for length in (0..bytes.len()).step_by(bytes.len() / 50) {
+            assert!(World::restore(&setup, &mut &bytes[..length]).is_none(), "{length} of {} bytes", bytes.len());
         }
     }
 }

@@ -4,7 +4,7 @@
 
 use super::Effect;
 use crate::rng::Stream;
-use crate::settings::{Settings, SettingsError};
+use crate::settings::{SIEVES, Settings, SettingsError};
 
 /// Shift of the whole size distribution.
 pub struct SizeDistribution;
@@ -31,6 +31,12 @@ impl Effect for SizeDistribution {
     }
 
     fn apply(&self, strength: f64, settings: &mut Settings, _stream: &mut Stream) -> Result<(), SettingsError> {
-        ["radius_mean", "radius_sd"].into_iter().try_for_each(|name| settings.scale(name, 1.0 + strength))
+        let curve = match settings.word("size_distribution")? {
+            Some("rosin_rammler") => vec!["rosin_rammler_size"],
+            Some("sieve") => SIEVES.iter().map(|(size, _)| *size).collect(),
+            _ => Vec::new(),
+        };
+        let mut sizes = ["radius_mean", "radius_sd"].into_iter().chain(curve);
+        sizes.try_for_each(|name| settings.scale(name, 1.0 + strength))
     }
 }

@@ -6,7 +6,7 @@ use crate::dem::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Shape, SizeDistribution,
     Vec3, Wall, WallSpecies,
 };
-use crate::settings::{Settings, spec};
+use crate::settings::{SIEVES, Settings, spec};
 
 /// Loosest insertion that is expected: grain volume over volume of the cloud; the apparatus is as tall as that needs.
 const LOOSEST_CLOUD: f64 = 0.08;
@@ -14,15 +14,29 @@ const LOOSEST_CLOUD: f64 = 0.08;
 /// Grains, with every radius times `scale`.
 pub fn grains(settings: &Settings, scale: f64) -> Grains {
     Grains {
-        size: SizeDistribution::TruncatedNormal {
-            mean: settings["radius_mean"] * scale,
-            sd: settings["radius_sd"] * scale,
-            below: settings["radius_cut_below"],
-            above: settings["radius_cut_above"],
-        },
+        size: sizes(settings, scale),
         density: settings["particle_density"],
         sliding_spread: settings["friction_spread_cv"],
         rolling_spread: settings["friction_spread_cv"],
+    }
+}
+
+/// Distribution of the radii, which are half of what a sieve measures.
+fn sizes(settings: &Settings, scale: f64) -> SizeDistribution {
+    let (mean, sd) = (settings["radius_mean"] * scale, settings["radius_sd"] * scale);
+    let (below, above) = (settings["radius_cut_below"], settings["radius_cut_above"]);
+    let bounds = [mean - below * sd, mean + above * sd];
+    let kind = |word| settings.is("size_distribution", word);
+    if kind("lognormal") {
+        SizeDistribution::Lognormal { mean, sd, bounds }
+    } else if kind("rosin_rammler") {
+        let size = 0.5 * settings["rosin_rammler_size"] * scale;
+        SizeDistribution::RosinRammler { scale: size, exponent: settings["rosin_rammler_exponent"], bounds }
+    } else if kind("sieve") {
+        let sieves = SIEVES.iter().filter(|(size, _)| settings[size] > 0.0);
+        SizeDistribution::Sieve(sieves.map(|(size, finer)| [0.5 * settings[size] * scale, settings[finer]]).collect())
+    } else {
+        SizeDistribution::TruncatedNormal { mean, sd, below, above }
     }
 }
 
@@ -109,10 +123,10 @@ pub fn top(fill: &Fill, ground: f64, grains: &Grains) -> f64 {
     fill.base + fill.volume / (ground * LOOSEST_CLOUD) + 10.0 * grains.size.largest()
 }
 
-/// Taking away what lies above `height`.
+/// Taking away what lies above `height`, up to which the vessel has to be full.
 pub fn deletion(settings: &Settings, time: f64, height: f64) -> Event {
     let reference = if settings.is("deletion_reference", "top") { Reference::Top } else { Reference::Centre };
-    Event { time, action: Action::DeleteAbove { height, reference } }
+    Event { time, action: Action::DeleteAbove { height, reference, level: true } }
 }
 
 /// Opening by taking the wall `name` away.

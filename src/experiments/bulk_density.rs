@@ -60,6 +60,7 @@ impl Experiment for BulkDensity {
                 time_cap: settings["bulk_density.time_cap"],
             },
             domain: Region { lower: [-2.0 * radius, -2.0 * radius, -radius], upper: [2.0 * radius, 2.0 * radius, top] },
+            periodic: None,
             trace: None,
             grains,
         })

@@ -80,6 +80,7 @@ impl Experiment for Ledge {
                 time_cap: settings["ledge.time_cap"],
             },
             domain: Region { lower: [-length, -depth, -clear], upper: [outside, 2.0 * depth, top] },
+            periodic: None,
             trace: Some(Trace {
                 interval: settings["ledge.trace_interval"],
                 region: Region { lower: [-length, -depth, 0.0], upper: [outer_edge(settings), 2.0 * depth, top] },

@@ -6,6 +6,28 @@ const TABLE_1: &str = "paper, Table 1, mean";
 const TABLE_3: &str = "paper, Table 3";
 const TABLE_4: &str = "paper, Table 4";
 
+/// Sieves of the curve that `size_distribution = "sieve"` reads, and the share of the mass that passes each.
+pub const SIEVES: [(&str, &str); 6] = [
+    ("sieve_size_1", "sieve_finer_1"),
+    ("sieve_size_2", "sieve_finer_2"),
+    ("sieve_size_3", "sieve_finer_3"),
+    ("sieve_size_4", "sieve_finer_4"),
+    ("sieve_size_5", "sieve_finer_5"),
+    ("sieve_size_6", "sieve_finer_6"),
+];
+
+const ABSENT: &str = "absent in the paper";
+
+const fn sieve_size(number: usize) -> SettingSpec {
+    let meaning = "opening of a sieve of the curve, smallest first; 0 = there is no such sieve";
+    SettingSpec::number(SIEVES[number].0, "m", (0.0, 0.0, 0.2), ALL, meaning, ABSENT).later()
+}
+
+const fn sieve_finer(number: usize) -> SettingSpec {
+    let meaning = "share of the mass that passes the sieve of that number; 0 at the first, 1 at the last";
+    SettingSpec::number(SIEVES[number].1, "1", (0.0, 0.0, 1.0), ALL, meaning, ABSENT).later()
+}
+
 /// Material and method, shared by the experiments.
 pub const MATERIAL: &[SettingSpec] = &[
     SettingSpec::number(
@@ -45,7 +67,8 @@ pub const MATERIAL: &[SettingSpec] = &[
         "m",
         (5.02e-3, 1e-4, 0.1),
         ALL,
-        "mean of the normal distribution of radii before truncation",
+        "mean of the normal or lognormal distribution of radii before truncation; for the others the nominal \
+         size, by which outlines are binned",
         TABLE_3,
     ),
     SettingSpec::number(
@@ -72,6 +95,37 @@ pub const MATERIAL: &[SettingSpec] = &[
         "standard deviations above the mean at which radii are cut",
         TABLE_3,
     ),
+    SettingSpec::choice(
+        "size_distribution",
+        &["normal", "lognormal", "rosin_rammler", "sieve"],
+        ALL,
+        "distribution of sizes: normal or lognormal radii by number (radius_mean, radius_sd); rosin_rammler: mass finer than d \
+         is 1 - exp(-(d/size)^exponent); all three cut as the radii are; sieve: a curve of up to six sieves, by mass",
+        "normal: paper, section 3.1",
+    )
+    .later(),
+    SettingSpec::number(
+        "rosin_rammler_size",
+        "m",
+        (0.011, 1e-4, 0.2),
+        ALL,
+        "diameter below which 63.2 % of the mass lies",
+        ABSENT,
+    )
+    .later(),
+    SettingSpec::number("rosin_rammler_exponent", "1", (4.0, 0.5, 50.0), ALL, "the larger, the narrower", ABSENT).later(),
+    sieve_size(0),
+    sieve_finer(0),
+    sieve_size(1),
+    sieve_finer(1),
+    sieve_size(2),
+    sieve_finer(2),
+    sieve_size(3),
+    sieve_finer(3),
+    sieve_size(4),
+    sieve_finer(4),
+    sieve_size(5),
+    sieve_finer(5),
     SettingSpec::number(
         "radius_scale",
         "1",

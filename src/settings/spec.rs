@@ -56,6 +56,9 @@ pub struct SettingSpec {
     pub source: &'static str,
     /// True where the paper does not state the value and it is ours.
     pub assumption: bool,
+    /// True where the setting came when runs had keys already: it enters a key only where it differs from its default, which is
+    /// what those runs had, so that they keep their keys.
+    pub later: bool,
 }
 
 impl SettingSpec {
@@ -69,7 +72,7 @@ impl SettingSpec {
         source: &'static str,
     ) -> Self {
         let kind = Kind::Number { default: range.0, lower: range.1, upper: range.2 };
-        Self { name, unit, kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false }
+        Self { name, unit, kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false, later: false }
     }
 
     /// A choice that shapes the simulation; the first option is the default.
@@ -81,7 +84,17 @@ impl SettingSpec {
         source: &'static str,
     ) -> Self {
         let kind = Kind::Choice { options, default: 0 };
-        Self { name, unit: "1", kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false }
+        Self {
+            name,
+            unit: "1",
+            kind,
+            scope: Scope::Simulate,
+            used_by,
+            meaning,
+            source,
+            assumption: false,
+            later: false,
+        }
     }
 
     /// The same setting, read only when KPIs are measured.
@@ -92,6 +105,11 @@ impl SettingSpec {
     /// The same setting, marked as ours rather than the paper's.
     pub(super) const fn assumed(self) -> Self {
         Self { assumption: true, ..self }
+    }
+
+    /// The same setting, marked as one that came later; its default must leave every run as it was.
+    pub(super) const fn later(self) -> Self {
+        Self { later: true, ..self }
     }
 
     /// Value of the full-scale study; the index for a choice.

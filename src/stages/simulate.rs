@@ -12,7 +12,7 @@ use crate::tables::list::{RunRow, SampleRow};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "simulate",
-    version: 1,
+    version: 2,
     purpose: "run the DEM model at every design point",
     reads: &[SampleRow::SPEC],
     writes: &[RunRow::SPEC],

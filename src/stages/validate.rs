@@ -13,7 +13,7 @@ use crate::tables::list::{OptimumRow, TargetRow, VALIDATE_KPIS, VALIDATE_RUNS, V
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "validate",
-    version: 1,
+    version: 2,
     purpose: "runs of the held-out equipment at the optima",
     reads: &[OptimumRow::SPEC, TargetRow::SPEC],
     writes: &[&VALIDATE_RUNS, &VALIDATE_KPIS, ValidationRow::SPEC],

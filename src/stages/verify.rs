@@ -11,7 +11,7 @@ use crate::tables::list::{OptimumRow, PredictionRow, TargetRow, VERIFY_KPIS, VER
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "verify",
-    version: 1,
+    version: 2,
     purpose: "new DEM runs at the optima",
     reads: &[OptimumRow::SPEC, PredictionRow::SPEC, TargetRow::SPEC],
     writes: &[&VERIFY_RUNS, &VERIFY_KPIS, VerificationRow::SPEC],

@@ -176,7 +176,7 @@ impl Store {
     /// Opens the ledger of a kind. See [`Ledger::warnings`] for what was found damaged.
     ///
     /// # Errors
-    /// [`StoreError::Io`], or [`StoreError::Table`] for rows of another schema version.
+    /// [`StoreError::Io`], or [`StoreError::Table`] for rows of a later schema version.
     pub fn ledger<R: Keyed>(&self, kind: &str) -> Result<Ledger<R>, StoreError> {
         Ledger::open(self, kind)
     }

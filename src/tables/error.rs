@@ -20,6 +20,11 @@ impl TableError {
         Self { origin: "rows in memory".to_owned(), table: table.to_owned(), fault: Box::new(fault) }
     }
 
+    /// Whether the file was written with an earlier version of the schema.
+    pub fn is_of_earlier_version(&self) -> bool {
+        matches!(&*self.fault, Fault::WrongVersion { found, expected } if found.parse().is_ok_and(|found: u32| found < *expected))
+    }
+
     /// The same error with the file it was found in.
     #[must_use]
     pub fn at(self, origin: &str) -> Self {

@@ -30,7 +30,7 @@ table! {
 
 table! {
     /// One row per simulation: where it stands in the study, how it ended and where its final state is kept.
-    pub struct RunRow in "runs" version 1 partitioned by experiment sorted by (label, experiment, point, repetition) {
+    pub struct RunRow in "runs" version 2 partitioned by experiment sorted by (label, experiment, point, repetition) {
         /// Who asked for the run: `design`, a calibration or a purpose of the diagnosis.
         label: String ["1"],
         /// Experiment: pile, ledge, bulk_density or hopper.
@@ -57,8 +57,18 @@ table! {
         time_s: Option<f64> ["s"],
         /// Number of time steps.
         steps: Option<u64> ["1"],
-        /// Particles in the final state.
+        /// Grains inserted.
+        inserted: Option<u32> ["1"],
+        /// Attempts of the insertion, accepted or not.
+        insertion_attempts: Option<u64> ["1"],
+        /// Grains deleted because they lay above the fill height.
+        deleted: Option<u32> ["1"],
+        /// Grains that left the domain.
+        lost: Option<u32> ["1"],
+        /// Particles in the final state: inserted less deleted and lost.
         particles: Option<u32> ["1"],
+        /// Translational kinetic over elastic energy at the end; null where no contact is left.
+        energy_ratio: Option<f64> ["1"],
         /// Mean number of contacts per particle in the final state.
         coordination_number: Option<f64> ["1"],
         /// Largest overlap of the run over the radius of the smaller particle.

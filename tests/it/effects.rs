@@ -73,6 +73,28 @@ fn strengths_outside_the_range_are_refused() {
     assert!(error.contains("cohesion, wall_friction_scatter"), "{error}");
 }
 
+/// Whatever the kind of curve, a shift of 10 % makes the largest and the smallest grain 10 % larger.
+#[test]
+fn a_size_shift_moves_every_kind_of_size_distribution() {
+    let bulk_density = granulake::experiments::find("bulk_density").unwrap();
+    for kind in ["normal", "lognormal", "rosin_rammler", "sieve"] {
+        let mut settings = Settings::default();
+        settings.set_text("size_distribution", kind).unwrap();
+        let sieves = [("sieve_size_1", 6e-3), ("sieve_size_2", 0.01), ("sieve_size_4", 0.02)];
+        let shares = [("sieve_finer_1", 0.0), ("sieve_finer_2", 0.3), ("sieve_finer_4", 1.0)];
+        sieves.iter().chain(&shares).for_each(|(name, value)| settings.set(name, *value).unwrap());
+        let size = |settings: &Settings| bulk_density.setup(settings).unwrap().grains.size;
+        let before = size(&settings);
+        effects::apply(effects::find("size_distribution").unwrap(), 0.1, &mut settings, 1).unwrap();
+        let after = size(&settings);
+        for (old, new) in
+            [(before.smallest(), after.smallest()), (before.largest(), after.largest()), (before.mean(), after.mean())]
+        {
+            assert!((new / old - 1.1).abs() < 1e-12, "{kind}: {old} to {new}");
+        }
+    }
+}
+
 #[test]
 fn an_effect_of_the_instrument_leaves_the_simulation_alone() {
     let (before, after) = (Settings::default(), applied("camera_roll", 2.0, 1));

@@ -304,7 +304,7 @@ fn the_default_is_the_papers_full_scale_study() {
         let events = setup(name).events;
         assert_eq!(
             events[0],
-            Event { time: deletion, action: Action::DeleteAbove { height, reference: Reference::Centre } },
+            Event { time: deletion, action: Action::DeleteAbove { height, reference: Reference::Centre, level: true } },
             "{name}"
         );
         assert_eq!(

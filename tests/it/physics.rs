@@ -10,9 +10,11 @@ use granulake::dem::{
 use std::f64::consts::PI;
 
 mod bridges;
+mod checkpoint;
 mod many;
 mod oblique;
 mod outcomes;
+mod periodic;
 mod runs;
 mod walls;
 
@@ -65,6 +67,7 @@ fn space(fraction: f64) -> Setup {
         events: Vec::new(),
         stop: StopRule { energy_ratio: Some(1e-6), empty: None, check_after: 0.0, time_cap: 1.0 },
         domain: Region { lower: [-10.0; 3], upper: [10.0; 3] },
+        periodic: None,
         trace: None,
     }
 }
@@ -99,7 +102,10 @@ fn bed_setup() -> Setup {
         time_step_fraction: 0.15,
         walls: vec![floor(species), wall("side", Shape::Cylinder { axis: [0.0; 2], radius }, species)],
         fill: Fill { area: FillArea::Disc { axis: [0.0; 2], radius }, base: 0.0, plane_step: 1e-3, volume: 1e-4 },
-        events: vec![Event { time: 0.4, action: Action::DeleteAbove { height: 0.03, reference: Reference::Top } }],
+        events: vec![Event {
+            time: 0.4,
+            action: Action::DeleteAbove { height: 0.03, reference: Reference::Top, level: true },
+        }],
         stop: StopRule { energy_ratio: Some(1e-6), empty: None, check_after: 0.4, time_cap: 2.0 },
         domain: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] },
         trace: Some(Trace { interval: 0.02, region: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 0.05] } }),
@@ -293,6 +299,23 @@ fn resting_places() -> Vec<(Setup, Vec3, &'static str)> {
     let on = |walls: Vec<Wall>, gravity: Vec3| Setup { walls, gravity, ..space(0.1) };
     let down = [0.0, 0.0, -GRAVITY];
     let cylinder = wall("cylinder", Shape::Cylinder { axis: [0.01, 0.0], radius: 0.05 }, rough);
+    let pipe = Shape::Cone { axis: [0.01, 0.0], lower: [-0.1, 0.05], upper: [0.3, 0.05] };
+    let pipe = || wall("pipe", pipe, rough);
+    let cup = wall("cup", Shape::Cone { axis: [0.0; 2], lower: [0.0, 0.0], upper: [0.05, 0.05] }, rough);
+    let facet = |corners| wall("mesh", Shape::Triangle { corners }, rough);
+    let vertex = [0.001, 0.002, 0.0];
+    let fan = vec![
+        facet([[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], vertex]),
+        facet([[0.05, -0.05, 0.0], [0.0, 0.05, 0.0], vertex]),
+        facet([[0.0, 0.05, 0.0], [-0.05, -0.05, 0.0], vertex]),
+    ];
+    let ridge = vec![
+        facet([[-0.05, 0.0, 0.0], [0.05, 0.0, 0.0], [0.0, 0.05, -0.05]]),
+        facet([[-0.05, 0.0, 0.0], [0.05, 0.0, 0.0], [0.0, -0.05, -0.05]]),
+    ];
+    // The weight on the side of the cup acts along its normal.
+    let lean = GRAVITY / 2.0_f64.sqrt();
+    let in_cup = [0.03 - RADIUS / 2.0_f64.sqrt(), 0.0, 0.03 + RADIUS / 2.0_f64.sqrt()];
     let plates = || vec![plate("left", -0.05), plate("right", 0.0)];
     vec![
         (on(vec![floor(rough)], down), [0.0, 0.0, RADIUS], "plane"),
@@ -303,6 +326,14 @@ fn resting_places() -> Vec<(Setup, Vec3, &'static str)> {
         (on(plates(), down), [-1e-7, 0.01, RADIUS], "a hair beside the joint"),
         (on(vec![plate("plate", 0.0)], [GRAVITY, 0.0, 0.0]), [-RADIUS, 0.0, 0.0], "edge of a rectangle"),
         (on(vec![cylinder], [GRAVITY, 0.0, 0.0]), [0.06 - RADIUS, 0.0, 0.2], "cylinder"),
+        (on(vec![pipe()], [GRAVITY, 0.0, 0.0]), [0.06 - RADIUS, 0.0, 0.2], "pipe, inside"),
+        (on(vec![pipe()], [-GRAVITY, 0.0, 0.0]), [0.06 + RADIUS, 0.0, 0.2], "pipe, outside"),
+        (on(vec![pipe()], down), [0.06, 0.0, 0.3 + RADIUS], "rim of a pipe"),
+        (on(vec![cup], [lean, 0.0, -lean]), in_cup, "cone"),
+        (on(fan.clone(), down), [0.0, -0.02, RADIUS], "triangle"),
+        (on(fan.clone(), [0.0, 0.0, GRAVITY]), [0.0, -0.02, -RADIUS], "triangle from below"),
+        (on(fan, down), [0.001, 0.002, RADIUS], "vertex of three triangles"),
+        (on(ridge, down), [0.01, 0.0, RADIUS], "ridge of two triangles"),
     ]
 }
 

@@ -191,11 +191,70 @@ fn a_single_simulation_prints_its_kpis() {
     let density = &answer["kpis"]["bulk_density"];
     assert_eq!(density["unit"], "kg/m3");
     assert!((1000.0..2000.0).contains(&density["value"].as_f64().expect("a number")), "{answer}");
+    let count = |name: &str| answer[name].as_u64().unwrap_or_else(|| panic!("{name} is a count: {answer}"));
+    assert_eq!(count("inserted"), count("deleted") + count("lost") + count("particles"));
+    assert!(count("insertion_attempts") > count("inserted") && count("deleted") > 0, "{answer}");
+    let limit = answer["energy_ratio"].as_f64().expect("a number");
+    assert!(answer["stop"] != "EnergyRatio" || limit < 1e-3, "{answer}");
+    let underfilled = study.run(&["sim", "bulk_density", "--set", "insertion_ratio=0.2"]);
+    assert_eq!(underfilled.code, Some(1));
+    assert!(
+        underfilled.err.contains("underfilled") && underfilled.err.contains("`insertion_ratio`"),
+        "{}",
+        underfilled.err
+    );
     assert_eq!(study.succeed(&arguments).out, ended.out, "the same seed gives the same bytes");
     let with_zero = study.succeed(&[&arguments[..], &["--effect", "cohesion=0"]].concat()).out;
     assert_eq!(with_zero, ended.out, "strength 0 is the same as absent");
     let with = study.succeed(&[&arguments[..], &["--effect", "cohesion=1"]].concat()).out;
     assert_ne!(with, ended.out);
+}
+
+/// Frames, trace and checkpoints change no bit of a run; the last checkpoint of it goes on to the same end.
+#[test]
+fn a_watched_simulation_ends_with_the_same_bits() {
+    use granulake::tables::columns::ColumnFile;
+    let study = tiny();
+    let plain = ["sim", "bulk_density", "--seed", "5", "--json"];
+    let end = study.succeed(&plain).out;
+    let watch =
+        ["--vtk", "frames", "--trace", "out/trace.parquet", "--checkpoint", "run.checkpoint", "--every", "50 ms"];
+    assert_eq!(study.succeed(&[&plain[..], &watch].concat()).out, end);
+    assert_eq!(study.succeed(&[&plain[..], &["--resume", "run.checkpoint"]].concat()).out, end);
+    let answer: serde_json::Value = serde_json::from_str(&end).expect("JSON");
+
+    let trace = ColumnFile::read("run_trace", &study.path("out/trace.parquet")).expect("a trace");
+    let numbers = |name: &str| trace.f64(name).unwrap_or_else(|| panic!("no column {name}")).to_vec();
+    let rows = (answer["time_s"].as_f64().expect("a time") / 0.05) as usize + 2;
+    assert_eq!(trace.rows(), rows);
+    let units: Vec<_> = trace.columns().iter().map(|column| column.unit.as_str()).collect();
+    assert_eq!(units, ["s", "J", "J", "J", "J", "kg", "1", "1", "1"]);
+    let (kinetic, elastic) = (numbers("translational_energy"), numbers("elastic_energy"));
+    assert_eq!(Some(kinetic[rows - 1] / elastic[rows - 1]), answer["energy_ratio"].as_f64());
+    assert!(kinetic[0] < 1e-6 && elastic[0] == 0.0, "grains start at rest and apart, within half a step of falling");
+
+    let frames = std::fs::read_to_string(study.path("frames/grains.pvd")).expect("a list of frames");
+    assert_eq!(frames.matches("<DataSet").count(), rows);
+    let last = std::fs::read(study.path(&format!("frames/grains_{:06}.vtp", rows - 1))).expect("the last frame");
+    let particles = answer["particles"].as_u64().expect("a count");
+    let head = String::from_utf8_lossy(&last);
+    assert!(head.contains(&format!("NumberOfPoints=\"{particles}\"")) && head.contains("Name=\"radius_m\""), "{head}");
+    // Time, points, vertices twice, id, radius, velocity, spin: a length of 8 bytes before each array.
+    let body = (1 + particles * (3 + 2 + 1 + 1 + 3 + 3) + 8) * 8;
+    let start = last.windows(3).position(|w| w == b">\n_").expect("data") + 3;
+    let tail = b"\n</AppendedData>\n</VTKFile>\n".len();
+    assert_eq!((last.len() - start - tail) as u64, body);
+
+    let refused = |arguments: &[&str], part: &str| {
+        let ended = study.run(&[&plain[..], arguments].concat());
+        assert!(ended.code == Some(1) && ended.err.contains(part), "{}", ended.err);
+    };
+    refused(
+        &["--resume", "run.checkpoint", "--set", "sliding_friction=0.3"],
+        "run.checkpoint`: this checkpoint belongs to another",
+    );
+    refused(&["--resume", "out/trace.parquet"], "trace.parquet`: this is no whole checkpoint");
+    refused(&["--resume", "absent"], "`absent`: ");
 }
 
 #[test]

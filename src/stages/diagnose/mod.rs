@@ -35,7 +35,7 @@ use lab::Lab;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 2,
+    version: 3,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[

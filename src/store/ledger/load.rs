@@ -1,7 +1,8 @@
 //! Opening a ledger: live parts by the manifest, then the journal, every file checked against its digest.
 //!
 //! A damaged file is set aside when this process writes, passed over when it only reads; either way it is reported and
-//! its keys are missing. Without a manifest all parts count: none ever holds a wrong row, so at most a key that was
+//! its keys are missing. Rows of an earlier schema version are treated in the same way: they are made again, so that what
+//! a table holds never depends on which version made a run. Those of a later version are an error. Without a manifest all parts count: none ever holds a wrong row, so at most a key that was
 //! replaced stands in two versions, and is then dropped to be computed again.
 
 use super::layout::{Files, Found, Journal, Manifest};
@@ -97,7 +98,14 @@ impl Loader<'_> {
             self.state.untidy = true;
             return Ok(BTreeSet::new());
         };
-        let batch = io::decode(R::SPEC, &path.display().to_string(), bytes.into())?;
+        let batch = match io::decode(R::SPEC, &path.display().to_string(), bytes.into()) {
+            Err(e) if e.is_of_earlier_version() => {
+                let what = "was written by an earlier version of this program; its keys count as missing".to_owned();
+                self.damaged(path, what)?;
+                return Ok(BTreeSet::new());
+            }
+            batch => batch?,
+        };
         let spans = spans_of::<R>(self.kind, &batch)?;
         Ok(self.state.add(Block { batch, source }, &spans))
     }

@@ -70,7 +70,7 @@ impl<R: Keyed> Ledger<R> {
     /// Opens the ledger of `kind`; it need not exist yet. Damaged files become [`Ledger::warnings`].
     ///
     /// # Errors
-    /// [`StoreError::Io`], or [`StoreError::Table`] for rows of another schema version.
+    /// [`StoreError::Io`], or [`StoreError::Table`] for rows of a later schema version.
     pub fn open(store: &Store, kind: &str) -> Result<Self, StoreError> {
         let folder = store.root().join(LEDGERS).join(kind);
         let writing = store.is_claimed();

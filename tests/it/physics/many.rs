@@ -4,7 +4,7 @@ use super::*;
 use granulake::dem::{Contact, Partner, State};
 
 /// Grains on a lattice with alternating velocities and spins, dense enough to collide many times.
-fn cloud(count: usize, spacing: f64) -> Vec<Grain> {
+pub fn cloud(count: usize, spacing: f64) -> Vec<Grain> {
     let phase = |k: usize, by: f64| ((k as f64 + 1.0) * by).fract() - 0.5;
     (0..count * count * count)
         .map(|k| {

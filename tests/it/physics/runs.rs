@@ -136,6 +136,26 @@ fn impossible_setups_are_refused() {
     assert!(refused(Setup { walls: vec![wall("skewed", skewed, SMOOTH)], ..bed_setup() }));
 }
 
+/// A bed that never reached the height at which it is levelled is a failure that says how high it stood; without the claim to be
+/// full the same run goes on.
+#[test]
+fn an_underfilled_vessel_is_a_typed_failure() {
+    let level = |height, level| {
+        let events =
+            vec![Event { time: 0.4, action: Action::DeleteAbove { height, reference: Reference::Top, level } }];
+        simulate(&Setup { events, ..bed_setup() }, 3)
+    };
+    let failure = level(0.2, true).unwrap_err();
+    let Failure::Underfilled { time, height, highest, step } = failure else { panic!("{failure}") };
+    assert!((0.4..0.401).contains(&time) && step > 0 && height == 0.2);
+    assert!((0.03..0.1).contains(&highest), "{highest}");
+    assert!(failure.to_string().starts_with("underfilled: at t = 0.4"), "{failure}");
+    let outcome = level(0.2, false).unwrap();
+    assert_eq!((outcome.deleted, outcome.lost, outcome.state.len()), (0, 0, outcome.inserted));
+    let ratio = outcome.energies.ratio().expect("a bed holds elastic energy");
+    assert!(ratio < 1e-6 && outcome.attempts > outcome.inserted as u64);
+}
+
 /// A grain that flies out of the domain is removed and counted.
 #[test]
 fn grains_that_leave_the_domain_are_counted() {

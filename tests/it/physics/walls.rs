@@ -45,6 +45,22 @@ fn tracks() -> Vec<Track> {
     let cylinder = wall("cylinder", Shape::Cylinder { axis: [0.01, 0.0], radius: 0.05 }, ROUGH);
     let slope = wall("slope", Shape::Plane { point: [0.0; 3], normal: tilted }, ROUGH);
     let half = 1.0 / 2.0_f64.sqrt();
+    let pipe = |from: f64, to: f64| {
+        let shape = Shape::Cone { axis: [0.01, 0.0], lower: [from, 0.05], upper: [to, 0.05] };
+        wall(&format!("pipe {from}"), shape, ROUGH)
+    };
+    let funnel = |from: f64, to: f64| {
+        let shape = Shape::Cone { axis: [0.0; 2], lower: [from, 0.05 + from], upper: [to, 0.05 + to] };
+        wall(&format!("funnel {from}"), shape, ROUGH)
+    };
+    // At radius 0.05 and z = 0 the funnel's normal points inwards and up.
+    let steep = [-half, 0.0, half];
+    let in_funnel = [0.05 - half * RADIUS, 0.0, half * RADIUS];
+    let facet = |corners| wall("mesh", Shape::Triangle { corners }, ROUGH);
+    let [a, b, c, d] = [[-0.05, -0.04, 0.0], [0.05, -0.06, 0.0], [0.06, 0.05, 0.0], [-0.05, 0.05, 0.0]];
+    let whole = || facet([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.2, 0.0]]);
+    // The vertex lies on the way.
+    let fan = |m: Vec3| vec![facet([a, b, m]), facet([b, c, m]), facet([c, d, m]), facet([d, a, m])];
     let track = |name, walls, normal: Vec3, centre, along| Track { name, walls, normal, centre, along };
     vec![
         track("plane", vec![floor(ROUGH)], up, [0.0, 0.0, RADIUS], x),
@@ -54,6 +70,22 @@ fn tracks() -> Vec<Track> {
         track("joint", vec![plate(-0.05, 0.002), plate(0.002, 0.05)], up, [0.0, 0.0, RADIUS], x),
         track("edge", vec![plate(-0.05, 0.0)], x, [RADIUS, 0.0, 0.0], [0.0, 1.0, 0.0]),
         track("cylinder, along the axis", vec![cylinder], [-1.0, 0.0, 0.0], [0.06 - RADIUS, 0.0, 0.0], up),
+        track("pipe, inside", vec![pipe(-0.05, 0.05)], [-1.0, 0.0, 0.0], [0.06 - RADIUS, 0.0, 0.0], up),
+        track("pipe, outside", vec![pipe(-0.05, 0.05)], x, [0.06 + RADIUS, 0.0, 0.0], up),
+        track(
+            "joint of pipes",
+            vec![pipe(0.002, 0.05), pipe(-0.05, 0.002)],
+            [-1.0, 0.0, 0.0],
+            [0.06 - RADIUS, 0.0, 0.0],
+            up,
+        ),
+        track("cone, inside", vec![funnel(-0.04, 0.04)], steep, in_funnel, [half, 0.0, half]),
+        track("joint of cones", vec![funnel(-0.04, 0.001), funnel(0.001, 0.04)], steep, in_funnel, [half, 0.0, half]),
+        track("triangle, upper face", vec![whole()], up, [0.0, 0.0, RADIUS], x),
+        track("triangle, lower face", vec![whole()], [0.0, 0.0, -1.0], [0.0, 0.0, -RADIUS], x),
+        track("edge of a triangle", vec![whole()], [0.0, -1.0, 0.0], [0.0, -0.1 - RADIUS, 0.0], x),
+        track("joints of triangles", fan([0.002, 0.003, 0.0]), up, [0.0, 0.0, RADIUS], x),
+        track("vertex of triangles", fan([0.002, 0.0, 0.0]), up, [0.0, 0.0, RADIUS], x),
     ]
 }
 
@@ -127,6 +159,85 @@ fn a_sphere_rests_in_the_corner_of_floor_and_cylinder() {
     let down = k * contacts[0].overlap - ks * contacts[1].sliding_spring[2];
     assert!((across / (0.5 * mass() * GRAVITY) - 1.0).abs() < 1e-7, "{across}");
     assert!((down / (mass() * GRAVITY) - 1.0).abs() < 1e-7, "{down}");
+}
+
+/// A flat mesh of triangles smaller than the grain, out of step with its way, is a plane: one contact at every step, and springs handed from facet to
+/// facet so that friction and rolling resistance are those of the plane, to rounding of the facets' normals (as at a joint: 1e-9 of the speed).
+#[test]
+fn a_sphere_crosses_a_mesh_as_if_it_were_a_plane() {
+    let species = WallSpecies { sliding_friction: 0.3, rolling_friction: 0.02 };
+    let node = |i: i32, j: i32| {
+        let jitter = |a: i32, b: i32| 6e-4 * (f64::from(a * 7 + b * 13) * 0.618).sin();
+        [3e-3 * f64::from(i) + jitter(i, j), 3e-3 * f64::from(j) + jitter(j, i), 0.0]
+    };
+    let mut walls = Vec::new();
+    for (i, j) in (-8..16).flat_map(|i| (-8..16).map(move |j| (i, j))) {
+        let corners = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
+        for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
+            walls.push(wall("mesh", Shape::Triangle { corners: [corners[a], corners[b], corners[c]] }, species));
+        }
+    }
+    let run = |walls: Vec<Wall>| {
+        let setup = Setup { walls, ..ground(0.1, species) };
+        let start = [-0.01, 0.0, RADIUS - rest_overlap(&setup)];
+        let mut world = World::new(&setup, &[moving(start, [0.3, 0.1, 0.0])]).unwrap();
+        for _ in 0..10_000 {
+            world.step().unwrap();
+            assert_eq!(world.contacts().len(), 1);
+        }
+        world.state()
+    };
+    let (plane, mesh) = (run(vec![floor(species)]), run(walls));
+    assert!(plane.x[0] > 0.002, "the sphere crossed several facets: {}", plane.x[0]);
+    for (a, b) in [(plane.vx[0], mesh.vx[0]), (plane.vy[0], mesh.vy[0]), (plane.wy[0] * RADIUS, mesh.wy[0] * RADIUS)] {
+        assert!((a - b).abs() < 3e-10, "{a} against {b}");
+    }
+    assert!((plane.z[0] - mesh.z[0]).abs() < 1e-13);
+}
+
+/// A grain in the corner between a funnel and the cylinder above it touches both; one on the rim of a pipe touches the rim alone, which
+/// is a joint where a plate closes the pipe.
+#[test]
+fn corners_between_round_walls_and_others_carry_a_sphere() {
+    let funnel = || wall("funnel", Shape::Cone { axis: [0.0; 2], lower: [-0.04, 0.01], upper: [0.0, 0.05] }, SMOOTH);
+    let barrel = || wall("barrel", Shape::Cylinder { axis: [0.0; 2], radius: 0.05 }, SMOOTH);
+    let rest = |walls: Vec<Wall>, gravity: Vec3, place: Vec3| {
+        let setup = Setup { walls, gravity, ..space(0.1) };
+        let mut world = World::new(&setup, &[Grain::new(RADIUS, place)]).unwrap();
+        run_for(&mut world, 0.1);
+        let weight = GRAVITY * mass() / (setup.contact.stiffness * setup.contact.wall_stiffness_ratio);
+        world.contacts().iter().map(|c| (c.other, c.overlap / weight)).collect::<Vec<_>>()
+    };
+    // Pressed outwards with 2 g and down with g: the 45 degree funnel carries √2 m g, the barrel what is left of the push, m g.
+    let corner = [0.05 - RADIUS, 0.0, (2.0_f64.sqrt() - 1.0) * RADIUS];
+    let held = rest(vec![funnel(), barrel()], [2.0 * GRAVITY, 0.0, -GRAVITY], corner);
+    assert_eq!(held.iter().map(|(other, _)| *other).collect::<Vec<_>>(), [Partner::Wall(0), Partner::Wall(1)]);
+    assert!((held[0].1 / 2.0_f64.sqrt() - 1.0).abs() < 1e-5 && (held[1].1 - 1.0).abs() < 1e-5, "{held:?}");
+    let pipe = || wall("pipe", Shape::Cone { axis: [0.0; 2], lower: [-0.04, 0.05], upper: [0.0, 0.05] }, SMOOTH);
+    let lid = || rectangle("lid", [0.0, -0.05, 0.0], [0.05, 0.0, 0.0], [0.0, 0.1, 0.0], SMOOTH);
+    for walls in [vec![pipe()], vec![pipe(), lid()], vec![lid(), pipe()]] {
+        let held = rest(walls, [0.0, 0.0, -GRAVITY], [0.05, 0.0, RADIUS]);
+        assert!(held.len() == 1 && (held[0].1 - 1.0).abs() < 1e-6, "{held:?}");
+    }
+}
+
+/// A mesh goes, or moves, as a whole under its one name; a name that two other walls share is refused.
+#[test]
+fn a_mesh_is_addressed_by_its_name() {
+    let facet = |corners| wall("mesh", Shape::Triangle { corners }, ROUGH);
+    let [a, b, c, d] = [[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.05, 0.05, 0.0], [-0.05, 0.05, 0.0]];
+    let walls = vec![facet([a, b, c]), facet([a, c, d])];
+    let setup = Setup { walls, ..ground(0.1, ROUGH) };
+    let grains = [Grain::new(RADIUS, [0.02, -0.02, RADIUS]), Grain::new(RADIUS, [-0.02, 0.02, RADIUS])];
+    let mut world = World::new(&setup, &grains).unwrap();
+    assert!(world.move_wall("mesh", [0.0, 0.0, 0.02]).unwrap());
+    run_for(&mut world, 0.5);
+    assert!(world.state().vz.iter().all(|v| (v - 0.02).abs() < 1e-9), "{:?}", world.state().vz);
+    assert!(world.remove_wall("mesh").unwrap() && !world.remove_wall("mesh").unwrap());
+    run_for(&mut world, 0.1);
+    assert!(world.contacts().is_empty() && world.state().vz.iter().all(|v| *v < -0.9));
+    let shared = Setup { walls: vec![facet([a, b, c]), floor(ROUGH), facet([a, c, d])], ..setup };
+    assert!(simulate(&shared, 1).unwrap_err().to_string().contains("two walls are named `mesh`"));
 }
 
 /// A smooth sphere inside a smooth cylinder is a pendulum of length R_c - R: a quarter period is (π/2)√(L/g)(1 + φ²/16). The crossing is timed

@@ -255,14 +255,46 @@ fn damaged_or_missing_parts_and_manifests_are_reported_and_healed() {
     }
 }
 
+fn later(number: u64) -> other::Later {
+    other::Later { key: key(number).to_string() }
+}
+
 #[test]
-fn rows_of_another_schema_version_are_an_error_and_stay_where_they_are() {
+fn rows_of_a_later_schema_version_are_an_error_and_stay_where_they_are() {
     let place = Place::new();
-    open(&place.store()).append(&entry(1)).unwrap();
+    place.store().ledger::<other::Later>("entries").unwrap().append(&[later(1)]).unwrap();
     let before = place.snapshot();
-    let error = place.store().ledger::<other::Later>("entries").unwrap_err().to_string();
-    assert!(error.contains("schema version 1, this program reads 2") && error.contains("journal"), "{error}");
+    let error = place.store().ledger::<Entry>("entries").unwrap_err().to_string();
+    assert!(error.contains("schema version 2, this program reads 1") && error.contains("journal"), "{error}");
     assert_eq!(place.snapshot(), before);
+}
+
+/// A reader passes them over, a writer sets them aside and goes on; what is appended then is found again.
+#[test]
+fn rows_of_an_earlier_schema_version_count_as_missing_and_are_kept_in_quarantine() {
+    for compacted in [false, true] {
+        let place = Place::new();
+        let earlier = open(&place.store());
+        earlier.append(&entry(1)).unwrap();
+        if compacted {
+            earlier.compact().unwrap();
+        }
+        drop(earlier);
+        let before = place.snapshot();
+        let store = place.store();
+        let ledger = store.ledger::<other::Later>("entries").unwrap();
+        assert!(ledger.is_empty() && ledger.warnings()[0].what.contains("earlier version"), "{:?}", ledger.warnings());
+        assert_eq!(place.snapshot(), before, "a reader moves nothing");
+        ledger.append(&[later(1)]).unwrap();
+        ledger.compact().unwrap();
+        drop((ledger, store));
+        let ledger = place.store().ledger::<other::Later>("entries").unwrap();
+        assert_eq!((ledger.rows().collect::<Vec<_>>(), ledger.warnings()), (vec![later(1)], vec![]));
+        assert_eq!(
+            place.snapshot().iter().filter(|(path, _)| path.to_string_lossy().contains("quarantine")).count(),
+            1
+        );
+    }
 }
 
 #[test]
