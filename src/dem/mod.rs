@@ -13,6 +13,7 @@
 
 pub mod bridges;
 mod contact;
+mod drag;
 mod fill;
 mod forces;
 mod grid;
@@ -36,7 +37,7 @@ pub use outcome::{Energies, EventRecord, Failure, Outcome, State, Stop, TracePoi
 pub use particles::Grain;
 pub use run::{simulate, simulate_within};
 pub use setup::{
-    Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Region, Setup, Shape,
+    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Region, Setup, Shape,
     SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies,
 };
 pub use world::World;

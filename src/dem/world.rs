@@ -7,6 +7,7 @@
 
 use super::bridges::{self, Bridges, PairBridges};
 use super::contact::{Coefficients, Constants, implicit};
+use super::drag;
 use super::forces::{MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
 use super::integrate::Integration;
@@ -31,6 +32,7 @@ pub struct World {
     pub(super) bridges: Option<Bridges>,
     pub(super) gravity: Vec3,
     density: f64,
+    drag: f64,
     domain: Region,
     time_step: f64,
     steps: u64,
@@ -74,6 +76,7 @@ impl World {
             bridges: Bridges::new(setup),
             gravity: setup.gravity,
             density: setup.grains.density,
+            drag: setup.grains.drag,
             domain: setup.domain,
             time_step,
             steps: 0,
@@ -210,6 +213,9 @@ impl World {
             }
             bridges::add_walls(&mut self.grains, &mut self.contacts, &self.walls, law);
         }
+        if self.drag > 0.0 {
+            drag::add(&mut self.grains, self.drag);
+        }
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
     }
 
@@ -238,6 +244,11 @@ impl World {
         let Some(wall) = self.walls.iter_mut().find(|wall| wall.name == name && wall.active) else { return Ok(false) };
         wall.active = false;
         self.rebuild().map(|()| true)
+    }
+
+    /// Changes gravity from the next step on; lists stay good, because no grain may outrun its skin unnoticed.
+    pub fn set_gravity(&mut self, gravity: Vec3) {
+        self.gravity = gravity;
     }
 
     /// Lets a wall move; tells whether there is one of that name.

@@ -41,6 +41,53 @@ pub const MATERIAL: &[SettingSpec] = &[
         "absent in the paper",
     ),
     SettingSpec::number(
+        "rolling_spread_cv",
+        "1",
+        (0.0, 0.0, 1.0),
+        ALL,
+        "coefficient of variation of rolling friction alone from grain to grain, besides friction_spread_cv",
+        "absent in the paper",
+    )
+    .silent(),
+    SettingSpec::number(
+        "fines_fraction",
+        "1",
+        (0.0, 0.0, 0.5),
+        ALL,
+        "mass of grains below the lower cut over the mass of all grains",
+        "absent in the paper, whose distribution is cut",
+    )
+    .silent(),
+    SettingSpec::number(
+        "fines_size",
+        "1",
+        (0.7, 0.2, 1.0),
+        ALL,
+        "radius of the fines over the smallest radius of the cut distribution; sets the time step where there are fines",
+        "one sieve of the R20/3 series below the cut",
+    )
+    .assumed()
+    .silent(),
+    SettingSpec::number(
+        "drag_coefficient",
+        "1",
+        (0.0, 0.0, 10.0),
+        ALL,
+        "drag coefficient of a grain in still air of 1.2 kg/m3, force C_d rho A v^2/2; 0 = vacuum",
+        "absent in the paper; a sphere has 0.44",
+    )
+    .silent(),
+    SettingSpec::number(
+        "series_length",
+        "1",
+        (50.0, 2.0, 1e5),
+        ALL,
+        "repetitions of one laboratory series; what drifts is as measured in its middle and begins anew after its end",
+        "paper, section 2.1: 50 repetitions",
+    )
+    .of_series()
+    .silent(),
+    SettingSpec::number(
         "radius_mean",
         "m",
         (5.02e-3, 1e-4, 0.1),

@@ -134,7 +134,7 @@ impl Settings {
     /// of its KPIs (measure).
     pub fn for_experiment(&self, experiment: &str, scope: Scope) -> Vec<(&'static str, f64)> {
         let mut list: Vec<_> = specs()
-            .filter(|spec| spec.scope == scope && spec.is_used_by(experiment))
+            .filter(|spec| spec.scope == scope && spec.is_used_by(experiment) && spec.is_told(self.value(spec)))
             .map(|spec| (spec.name, self.value(spec)))
             .collect();
         list.sort_unstable_by_key(|(name, _)| *name);
@@ -230,7 +230,8 @@ mod tests {
             let measure = settings.for_experiment(experiment, Scope::Measure);
             assert!(simulate.is_sorted_by_key(|(name, _)| *name));
             assert!(simulate.iter().all(|(name, _)| !measure.iter().any(|(other, _)| other == name)));
-            assert_eq!(simulate.len() + measure.len(), specs().filter(|spec| spec.is_used_by(experiment)).count());
+            let told = |spec: &&SettingSpec| spec.is_used_by(experiment) && !spec.silent;
+            assert_eq!(simulate.len() + measure.len(), specs().filter(told).count());
         }
         let names = |experiment, scope| {
             settings.for_experiment(experiment, scope).into_iter().map(|(name, _)| name).collect::<Vec<_>>()
@@ -239,6 +240,19 @@ mod tests {
         assert!(!names("pile", Scope::Simulate).contains(&"camera_roll"));
         assert!(names("pile", Scope::Measure).contains(&"camera_roll"));
         assert!(!names("bulk_density", Scope::Simulate).contains(&"wall_friction_acrylic"));
+    }
+
+    #[test]
+    fn a_silent_setting_is_told_only_away_from_its_default() {
+        let mut settings = Settings::default();
+        let told = |settings: &Settings| {
+            settings.for_experiment("pile", Scope::Simulate).iter().any(|(name, _)| *name == "drag_coefficient")
+        };
+        assert!(!told(&settings));
+        settings.set("drag_coefficient", 0.4).unwrap();
+        assert!(told(&settings));
+        settings.set("drag_coefficient", -0.0).unwrap();
+        assert!(!told(&settings));
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub enum Scope {
     Simulate,
     /// Enters the key of the KPIs of a run, never that of the run itself.
     Measure,
+    /// Says how repetitions follow each other; enters no key, because what it does to a run changes other settings.
+    Series,
 }
 
 /// What values a setting takes.
@@ -56,6 +58,8 @@ pub struct SettingSpec {
     pub source: &'static str,
     /// True where the paper does not state the value and it is ours.
     pub assumption: bool,
+    /// True where keys leave the setting out while it has its default, so that adding it to this list lost no run.
+    pub silent: bool,
 }
 
 impl SettingSpec {
@@ -69,7 +73,7 @@ impl SettingSpec {
         source: &'static str,
     ) -> Self {
         let kind = Kind::Number { default: range.0, lower: range.1, upper: range.2 };
-        Self { name, unit, kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false }
+        Self { name, unit, kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false, silent: false }
     }
 
     /// A choice that shapes the simulation; the first option is the default.
@@ -81,12 +85,32 @@ impl SettingSpec {
         source: &'static str,
     ) -> Self {
         let kind = Kind::Choice { options, default: 0 };
-        Self { name, unit: "1", kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false }
+        Self {
+            name,
+            unit: "1",
+            kind,
+            scope: Scope::Simulate,
+            used_by,
+            meaning,
+            source,
+            assumption: false,
+            silent: false,
+        }
     }
 
     /// The same setting, read only when KPIs are measured.
     pub(super) const fn measured(self) -> Self {
         Self { scope: Scope::Measure, ..self }
+    }
+
+    /// The same setting, left out of keys while it has its default: for what came after the first runs were stored.
+    pub(super) const fn silent(self) -> Self {
+        Self { silent: true, ..self }
+    }
+
+    /// The same setting, about the order of repetitions.
+    pub(super) const fn of_series(self) -> Self {
+        Self { scope: Scope::Series, ..self }
     }
 
     /// The same setting, marked as ours rather than the paper's.
@@ -100,6 +124,11 @@ impl SettingSpec {
             Kind::Number { default, .. } => default,
             Kind::Choice { default, .. } => default as f64,
         }
+    }
+
+    /// Whether a key holds the setting at `value`.
+    pub fn is_told(&self, value: f64) -> bool {
+        !self.silent || value != self.default_value()
     }
 
     /// Whether `experiment` reads this setting.

@@ -35,7 +35,7 @@ use lab::Lab;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 2,
+    version: 3,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
@@ -72,6 +72,7 @@ fn settings(config: &Config) -> SettingsText {
         "statistics",
         "study.resolution",
     ]));
+    settings.extend(config.declared_text(config.diagnose.candidates.iter().map(String::as_str)));
     let comparable = config.measured.iter().map(|set| format!("measured.{}.comparable", set.name));
     settings
         .extend(config.settings_text(&comparable.collect::<Vec<_>>().iter().map(String::as_str).collect::<Vec<_>>()));

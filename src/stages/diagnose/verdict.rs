@@ -110,6 +110,7 @@ fn prepare<'a>(
     let (Some(noise), Some(model)) = (evidence.noise(&before), before.moments(&evidence.statistics)) else {
         return Ok(Err(UNMEASURED.to_owned()));
     };
+    let model = without_trends(&evidence, model);
     let slopes = surface.slopes(&fitted.parameters, &correlation(&model.covariance));
     Ok(Ok(Case {
         context,
@@ -151,10 +152,24 @@ impl Plain<'_> {
     }
 
     fn best(&self, surface: &Surface, covariance: &DMatrix<f64>, starts: &[Vec<f64>]) -> Result<GlsFit, StageError> {
-        let parameters = |start: &[f64]| fit::parameters(self.context.config, &self.set.name, start);
+        let parameters = |start: &[f64]| fit::parameters(self.context.config, self.set, start);
         fit::best(surface, self.evidence, covariance, starts, parameters)
     }
 }
+
+/// Statistics of the plain model: its repetitions are independent, so that its trends are zero and known to be. What is
+/// left of their variance only keeps the correlations.
+fn without_trends(evidence: &Evidence, mut model: Moments) -> Moments {
+    for (i, _) in evidence.statistics.iter().enumerate().filter(|(_, s)| s.moment == Moment::Trend) {
+        model.values[i] = 0.0;
+        model.covariance.row_mut(i).scale_mut(KNOWN);
+        model.covariance.column_mut(i).scale_mut(KNOWN);
+    }
+    model
+}
+
+/// Factor on standard deviations that makes them negligible.
+const KNOWN: f64 = 1e-4;
 
 fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let entry = |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
@@ -177,6 +192,11 @@ impl Case<'_> {
     /// Correlation of the statistics between repetitions.
     pub fn correlation(&self) -> DMatrix<f64> {
         correlation(&self.model.covariance)
+    }
+
+    /// Whether a candidate was left out of the library.
+    pub fn leaves_out(&self, name: &str) -> bool {
+        self.context.config.diagnose.left_out.as_deref() == Some(name)
     }
 
     /// Whether the set-up resolves the data, else why not.
@@ -203,7 +223,11 @@ fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, St
     let statistics = case.evidence.statistics.iter().enumerate();
     let row = |(index, statistic): (usize, &super::moments::Statistic)| Row {
         name: rows::name(statistic),
-        kind: if statistic.moment == Moment::Mean { RowKind::Mean } else { RowKind::LnSd },
+        kind: match statistic.moment {
+            Moment::Mean => RowKind::Mean,
+            Moment::LnSd => RowKind::LnSd,
+            Moment::Trend => RowKind::Trend,
+        },
         count: case.evidence.counts[index],
         measured_share: case.noise.measured_share[index] * case.noise.covariance[(index, index)]
             / case.covariance()[(index, index)],
@@ -214,7 +238,7 @@ fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, St
         rows: statistics.map(row).collect(),
         residual: case.residual(),
         covariance: case.covariance(),
-        parameters: fit::parameters(case.context.config, &case.set.name, case.optimum.as_slice()),
+        parameters: fit::parameters(case.context.config, case.set, case.optimum.as_slice()),
         jacobian: case.slopes.jacobian.clone(),
         jacobian_covariance: case.slopes.covariance.clone(),
         nuisances: Vec::new(),
@@ -261,8 +285,8 @@ fn next_leader<'a>(
     let named = attribution.verdict.names();
     let forced = |name: &str| case.context.config.effects.accept == Accept::Effect(name.to_owned());
     let wanted = |c: &Contender| named.contains(&c.name()) || forced(c.name());
-    let mut ranked: Vec<(f64, usize)> =
-        contenders.iter().enumerate().filter_map(|(i, c)| Some((c.misfit()?, i))).collect();
+    let rivals = contenders.iter().enumerate().filter(|(_, c)| !case.leaves_out(c.name()));
+    let mut ranked: Vec<(f64, usize)> = rivals.filter_map(|(i, c)| Some((c.misfit()?, i))).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     let likeliest = ranked.into_iter().take(LEADERS).map(|(_, i)| i);
     let all = contenders.iter().enumerate().filter(|(_, c)| wanted(c)).map(|(i, _)| i).chain(likeliest);
