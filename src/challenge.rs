@@ -86,28 +86,56 @@ pub enum ChallengeError {
 pub fn make(config: &Config, campaign: &Campaign, order: &Order) -> Result<Challenge, ChallengeError> {
     let mut stream = Stream::new(order.seed, "challenge");
     let parameters = hidden_parameters(config, &mut stream);
-    let effects = hidden_effect(config, order, &mut stream)?;
-    let mut base = config.base_settings().clone();
-    // The measurements are one series, in whose middle a drifting wall is as it was measured.
-    base.set("series_length", f64::from(order.repetitions.max(2))).map_err(CampaignError::from)?;
-    for (name, factor) in &order.scale {
-        base.scale(name, *factor).map_err(CampaignError::from)?;
-    }
-    let point = Arc::new(
-        Point::new(1, &base, &parameters).map(|point| point.knowing(&config.effects.library).with_effects(&effects))?,
-    );
-    let mut requests = Vec::new();
-    for experiment in config.experiments() {
-        requests.extend(batch(experiment, &point, order.repetitions, order.seed)?);
-    }
-    if let Some(experiment) = Some(config.validate.experiment) {
-        requests.extend(batch(experiment, &point, order.held_out_repetitions, order.seed)?);
-    }
-    let runs = campaign.simulate(&requests)?;
-    let kpis = campaign.measure(&requests, &runs)?;
-    let sealed = declaration(order, &parameters, &effects);
-    let measured = csv(order, &sealed, &kpis) + &weighings(order, &parameters);
+    let truth = Truth { effects: hidden_effect(config, order, &mut stream)?, parameters, scale: order.scale.clone() };
+    let series = order.repetitions;
+    let mut kpis = truth.measure(config, campaign, &config.experiments(), (order.repetitions, series), order.seed)?;
+    let held_out = [config.validate.experiment];
+    kpis.extend(truth.measure(config, campaign, &held_out, (order.held_out_repetitions, series), order.seed)?);
+    let sealed = declaration(order, &truth.parameters, &truth.effects);
+    let measured = csv(order, &sealed, &kpis) + &weighings(order, &truth.parameters);
     Ok(Challenge { measured, sealed })
+}
+
+/// What measurements are made with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    /// Values of the parameters.
+    pub parameters: Values,
+    /// Effects with their strengths.
+    pub effects: Values,
+    /// Settings changed besides, as `(name, factor)`.
+    pub scale: Vec<(String, f64)>,
+}
+
+impl Truth {
+    /// Observables of `repetitions` runs of every experiment, in series of `series`, with packings that come from seeds
+    /// which no stage of a study can draw.
+    ///
+    /// # Errors
+    /// A parameter or an effect out of range, or runs that cannot be made.
+    pub fn measure(
+        &self,
+        config: &Config,
+        campaign: &Campaign,
+        experiments: &[&'static dyn Experiment],
+        (repetitions, series): (u32, u32),
+        seed: u64,
+    ) -> Result<Vec<KpiRow>, ChallengeError> {
+        let mut base = config.base_settings().clone();
+        // The measurements are one series, in whose middle a drifting wall is as it was measured.
+        base.set("series_length", f64::from(series.max(2))).map_err(CampaignError::from)?;
+        for (name, factor) in &self.scale {
+            base.scale(name, *factor).map_err(CampaignError::from)?;
+        }
+        let point = Point::new(1, &base, &self.parameters)?.knowing(&config.effects.library);
+        let point = Arc::new(point.with_effects(&self.effects));
+        let mut requests = Vec::new();
+        for experiment in experiments {
+            requests.extend(batch(*experiment, &point, repetitions, seed)?);
+        }
+        let runs = campaign.simulate(&requests)?;
+        Ok(campaign.measure(&requests, &runs)?)
+    }
 }
 
 fn batch(

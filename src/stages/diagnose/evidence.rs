@@ -68,6 +68,18 @@ impl Evidence {
         evidence
     }
 
+    /// The statistics of this evidence whose place is among `kept`, with the values of another data set; `None` where that
+    /// lacks one of them.
+    pub fn of(&self, kept: &[usize], measured: &Measured) -> Option<Self> {
+        let summaries = measured.statistics();
+        let mut evidence = Self::empty();
+        for statistic in kept.iter().map(|place| &self.statistics[*place]) {
+            let summary = summaries.iter().find(|summary| summary.kpi == statistic.kpi && summary.sd > 0.0)?;
+            evidence.add(statistic.clone(), (measured, summary));
+        }
+        (evidence.statistics.len() == kept.len()).then_some(evidence)
+    }
+
     fn empty() -> Self {
         let values = DVector::zeros(0);
         Self { statistics: Vec::new(), values, counts: Vec::new(), sds: Vec::new(), divisors: Vec::new() }

@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Metamodels of every statistic of the evidence.
+#[derive(Clone)]
 pub struct Surface {
     models: Vec<Metamodel>,
     /// A statistic of every observable, in the order of the metamodels, and what the metamodels predict from.
@@ -145,6 +146,12 @@ impl Surface {
             surface.observables.push((statistic.clone(), observations));
         }
         Some(surface)
+    }
+
+    /// The same surface for the statistics `kept` alone.
+    pub fn restricted(&self, kept: &[usize]) -> Self {
+        let rows = kept.iter().map(|row| self.rows[*row]).collect();
+        Self { rows, trends: kept.iter().map(|row| self.trends[*row]).collect(), ..self.clone() }
     }
 
     /// Trends of what drifts with the effect, from the anchors.

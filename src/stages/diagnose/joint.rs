@@ -40,6 +40,7 @@ const LEAST_UNTIED: f64 = 0.25;
 const LEFT_OUT: &str = "it was left out of the library";
 
 /// A candidate effect with its model, if it has one.
+#[derive(Clone)]
 pub struct Contender {
     /// The effect.
     effect: Handle,
@@ -52,6 +53,7 @@ pub struct Contender {
 }
 
 /// The latest direct runs.
+#[derive(Clone)]
 struct Tie {
     x: DVector<f64>,
     /// Covariance of the measured values, with the scatter of these runs.
@@ -172,7 +174,7 @@ impl Contender {
         let best = |covariance: &DMatrix<f64>, starts: &[Vec<f64>]| {
             fit::best(surface, &case.evidence, covariance, starts, |start| self.parameters(case, start))
         };
-        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.correlation());
+        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.correlation);
         let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| wider(&tie.x));
         let first = best(&typical, &self.starts(case))?;
         let covariance = wider(&first.parameters);
@@ -230,6 +232,13 @@ impl Contender {
         } else {
             Ok(())
         }
+    }
+
+    /// The same contender for the statistics `kept` alone.
+    pub fn restricted(&self, kept: &[usize]) -> Self {
+        let tie = |tie: &Tie| Tie { x: tie.x.clone(), noise: tie.noise.select_rows(kept).select_columns(kept) };
+        let surface = self.surface.as_ref().map(|surface| surface.restricted(kept)).map_err(String::clone);
+        Self { surface, tie: self.tie.as_ref().map(tie), ..self.clone() }
     }
 
     /// What the attribution judges.
@@ -331,7 +340,7 @@ impl Path<'_> {
         let half = if upper > 0.0 { 0.5 * upper } else { 0.5 * lower };
         let known = found.strength.abs() >= LEAST_UNTIED * half.abs();
         let (u, strength) = if known { (&found.u, found.strength) } else { (&self.case.optimum, half) };
-        let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.correlation());
+        let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.correlation);
         let both = error(&self.at(u, strength)) + error(&self.at(&self.case.optimum, 0.0));
         (both / (strength * strength), (u - &self.case.optimum) / strength)
     }

@@ -16,8 +16,11 @@ mod fit;
 mod joint;
 mod lab;
 mod moments;
+mod panel;
 mod rows;
 mod verdict;
+
+pub use panel::{Panel, PanelRows};
 
 use super::context::{run_settings, text};
 use super::models::Models;

@@ -49,6 +49,12 @@ pub fn write(
     tables.verdicts.push(verdict(case, attribution));
 }
 
+/// The rows of a case that a score needs.
+pub fn of(case: &Case, attribution: &Attribution) -> (VerdictRow, Vec<AttributionRow>, Vec<ConfusionRow>) {
+    let effects = attribution.effects.iter().map(|effect| attribution_row(case, attribution, effect)).collect();
+    (verdict(case, attribution), effects, confusion(case, attribution))
+}
+
 fn signatures(
     case: &Case,
     contenders: &[Contender],

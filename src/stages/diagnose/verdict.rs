@@ -40,6 +40,24 @@ pub struct Case<'a> {
     pub before: Batch,
     /// Statistics of those runs.
     pub model: Moments,
+    /// Correlation of the statistics between repetitions (m × m).
+    pub correlation: DMatrix<f64>,
+    /// A candidate that may not be named.
+    pub left_out: Option<String>,
+}
+
+/// A data set with all that was found out about it.
+pub struct Examined<'a> {
+    /// Evidence, optimum and runs of the plain model.
+    pub case: Case<'a>,
+    /// Metamodels over the parameters, which know the runs at the optimum.
+    pub surface: Surface,
+    /// The candidate effects with their models.
+    pub contenders: Vec<Contender>,
+    /// What the attribution judged, one per contender.
+    pub candidates: Vec<Candidate>,
+    /// Its result.
+    pub attribution: Attribution,
 }
 
 /// Diagnoses one data set and adds its rows.
@@ -51,29 +69,44 @@ pub fn diagnose(
     set: &Measured,
     tables: &mut Tables,
 ) -> Result<(), StageError> {
-    let case = match prepare(context, models, anchors, lab, set)? {
-        Ok(case) => case,
+    let Examined { case, contenders, candidates, attribution, .. } = match examine(context, models, anchors, lab, set)?
+    {
+        Ok(examined) => examined,
         Err(why) => {
             tables.verdicts.push(rows::no_verdict(&set.name, why));
             return Ok(());
-        }
-    };
-    let names = &context.config.diagnose.candidates;
-    let mut contenders: Vec<Contender> = context
-        .campaign
-        .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
-    let (attribution, candidates) = loop {
-        let candidates = contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
-        let attribution = attributed(&case, candidates.clone())?;
-        match next_leader(&case, &attribution, &mut contenders) {
-            Some(leader) => leader.tie(&case, lab)?,
-            None => break (attribution, candidates),
         }
     };
     rows::write(&case, &contenders, &candidates, &attribution, tables);
     let accepted = accepted(&case, &attribution);
     let added = accepted.and_then(|name| contenders.iter().find(|contender| contender.name() == name));
     before_after::compare(&case, lab, added, tables)
+}
+
+/// Fits, runs and attributes one data set; the inner error says why there can be no attribution.
+pub fn examine<'a>(
+    context: &'a Context<'a>,
+    models: &Models,
+    anchors: &Anchors,
+    lab: &mut Lab,
+    set: &'a Measured,
+) -> Result<Result<Examined<'a>, String>, StageError> {
+    let (case, surface) = match prepare(context, models, anchors, lab, set)? {
+        Ok(prepared) => prepared,
+        Err(why) => return Ok(Err(why)),
+    };
+    let names = &context.config.diagnose.candidates;
+    let mut contenders: Vec<Contender> = context
+        .campaign
+        .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
+    loop {
+        let candidates = contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
+        let attribution = attributed(&case, candidates.clone(), options(&case))?;
+        match next_leader(&case, &attribution, &mut contenders) {
+            Some(leader) => leader.tie(&case, lab)?,
+            None => return Ok(Ok(Examined { case, surface, contenders, candidates, attribution })),
+        }
+    }
 }
 
 /// Evidence, optimum and runs of a data set; the inner error says why there can be none.
@@ -83,7 +116,7 @@ fn prepare<'a>(
     anchors: &Anchors,
     lab: &mut Lab,
     set: &'a Measured,
-) -> Result<Result<Case<'a>, String>, StageError> {
+) -> Result<Result<(Case<'a>, Surface), String>, StageError> {
     let evidence = Evidence::new(context.config, set, anchors.centre());
     if evidence.statistics.len() <= context.config.parameters.len() {
         return Ok(Err(format!(
@@ -92,27 +125,29 @@ fn prepare<'a>(
             context.config.parameters.len()
         )));
     }
-    let Some(surface) = Surface::plain(context, models, anchors.centre(), &evidence.statistics) else {
+    let Some(mut surface) = Surface::plain(context, models, anchors.centre(), &evidence.statistics) else {
         return Ok(Err("a metamodel of an observable is missing, see table metamodels".to_owned()));
     };
     let Some(noise) = evidence.noise(anchors.centre()) else { return Ok(Err(UNMEASURED.to_owned())) };
-    let plain = Plain { context, set, evidence: &evidence, surface: &surface };
-    let mut fitted = plain.over_metamodels(&noise.covariance)?;
+    let plain = |surface| Plain { context, set, evidence: &evidence, surface };
+    let mut fitted = plain(&surface).over_metamodels(&noise.covariance)?;
     // Where a verdict is to follow, runs at that optimum correct it.
     if comparable(context, set) {
         let batch = direct::batch(context, lab, format!("{}/centre", set.name), &fitted.parameters, &[])?;
-        match plain.with_runs(&batch, &fitted.parameters)? {
-            Some(better) => fitted = better,
-            None => return Ok(Err(UNMEASURED.to_owned())),
-        }
+        let (Some(noise), Some(better)) = (evidence.noise(&batch), surface.knowing(&batch, &fitted.parameters)) else {
+            return Ok(Err(UNMEASURED.to_owned()));
+        };
+        fitted = plain(&better).with_runs(&noise.covariance, &fitted.parameters)?;
+        surface = better;
     }
     let before = direct::batch(context, lab, format!("{}/before", set.name), &fitted.parameters, &[])?;
     let (Some(noise), Some(model)) = (evidence.noise(&before), before.moments(&evidence.statistics)) else {
         return Ok(Err(UNMEASURED.to_owned()));
     };
     let model = without_trends(&evidence, model);
-    let slopes = surface.slopes(&fitted.parameters, &correlation(&model.covariance));
-    Ok(Ok(Case {
+    let correlation = correlation(&model.covariance);
+    let slopes = surface.slopes(&fitted.parameters, &correlation);
+    let case = Case {
         context,
         set,
         evidence,
@@ -123,18 +158,21 @@ fn prepare<'a>(
         at_bound: fitted.at_bound.iter().map(Option::is_some).collect(),
         before,
         model,
-    }))
+        correlation,
+        left_out: context.config.diagnose.left_out.clone(),
+    };
+    Ok(Ok((case, surface)))
 }
 
 /// The fit of the plain model.
-struct Plain<'a> {
-    context: &'a Context<'a>,
+struct Plain<'a, 'c> {
+    context: &'a Context<'c>,
     set: &'a Measured,
     evidence: &'a Evidence,
     surface: &'a Surface,
 }
 
-impl Plain<'_> {
+impl Plain<'_, '_> {
     /// Over the metamodels, whose error is taken at the optimum of a first pass.
     fn over_metamodels(&self, noise: &DMatrix<f64>) -> Result<GlsFit, StageError> {
         let first = self.best(self.surface, noise, &fit::starts(self.context.config.parameters.len()))?;
@@ -142,13 +180,10 @@ impl Plain<'_> {
         self.best(self.surface, &wider, &[first.parameters.as_slice().to_vec()])
     }
 
-    /// The same with metamodels that also know the runs at `centre`.
-    fn with_runs(&self, batch: &Batch, centre: &DVector<f64>) -> Result<Option<GlsFit>, StageError> {
-        let (Some(noise), Some(surface)) = (self.evidence.noise(batch), self.surface.knowing(batch, centre)) else {
-            return Ok(None);
-        };
-        let covariance = &noise.covariance + surface.uncertainty(centre, &correlation(&noise.covariance));
-        self.best(&surface, &covariance, &[centre.as_slice().to_vec()]).map(Some)
+    /// The same with metamodels that also know the runs at `centre`, which gave this `noise`.
+    fn with_runs(&self, noise: &DMatrix<f64>, centre: &DVector<f64>) -> Result<GlsFit, StageError> {
+        let covariance = noise + self.surface.uncertainty(centre, &correlation(noise));
+        self.best(self.surface, &covariance, &[centre.as_slice().to_vec()])
     }
 
     fn best(&self, surface: &Surface, covariance: &DMatrix<f64>, starts: &[Vec<f64>]) -> Result<GlsFit, StageError> {
@@ -189,14 +224,9 @@ impl Case<'_> {
         &self.noise.covariance + &self.model.covariance
     }
 
-    /// Correlation of the statistics between repetitions.
-    pub fn correlation(&self) -> DMatrix<f64> {
-        correlation(&self.model.covariance)
-    }
-
     /// Whether a candidate was left out of the library.
     pub fn leaves_out(&self, name: &str) -> bool {
-        self.context.config.diagnose.left_out.as_deref() == Some(name)
+        self.left_out.as_deref() == Some(name)
     }
 
     /// Whether the set-up resolves the data, else why not.
@@ -219,7 +249,8 @@ fn comparable(context: &Context, set: &Measured) -> bool {
     context.config.measured.iter().any(|source| source.name == set.name && source.comparable)
 }
 
-fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, StageError> {
+/// What the attribution finds in a case.
+pub fn attributed(case: &Case, candidates: Vec<Candidate>, options: Options) -> Result<Attribution, StageError> {
     let statistics = case.evidence.statistics.iter().enumerate();
     let row = |(index, statistic): (usize, &super::moments::Statistic)| Row {
         name: rows::name(statistic),
@@ -246,13 +277,14 @@ fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, St
         proposals: Vec::new(),
         attributable: case.attributable(),
     };
-    attribute(&problem, &options(case)).map_err(|error| StageError::Input {
+    attribute(&problem, &options).map_err(|error| StageError::Input {
         what: format!("the attribution of {} failed: {error}", case.set.name),
         remedy: "raise [diagnose] refine_repetitions, or leave out observables that repeat each other",
     })
 }
 
-fn options(case: &Case) -> Options {
+/// Thresholds and sizes of the study.
+pub fn options(case: &Case) -> Options {
     let diagnose = &case.context.config.diagnose;
     let thresholds = diagnose.thresholds;
     Options {
