@@ -3,7 +3,8 @@
 use crate::support::Study;
 use granulake::challenge::{Declaration, Solution, score};
 use granulake::effects;
-use granulake::tables::{AttributionRow, ConfusionRow, SampleRow, VerdictRow};
+use granulake::store::table;
+use granulake::tables::{AttributionRow, ConfusionRow, Row, SampleRow, VerdictRow};
 use std::collections::BTreeMap;
 
 /// The quick study with its metamodels trained, and a challenge in `blind`.
@@ -108,6 +109,36 @@ fn an_effect_left_out_of_the_library_is_never_named() {
     let scores: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
     assert_eq!(scores[0]["in_library"], false, "{}", ended.out);
     assert!(scores[0]["decidable"].is_boolean() && scores[0]["named"].as_array().is_some_and(Vec::is_empty));
+}
+
+/// A density that is calibrated takes a wrong density up; only what was weighed tells the two apart.
+#[test]
+fn an_effect_on_the_bulk_density_alone_is_absorbed_unless_the_grains_were_weighed() {
+    let study = Study::quick();
+    for (from, to) in [
+        ("refine_repetitions = 3", "refine_repetitions = 24"),
+        ("anchors = 1\n", "anchors = 8\n"),
+        ("anchor_repetitions = 2", "anchor_repetitions = 6"),
+        ("[\"size_distribution\"]", "[\"density_bias\"]"),
+        ("interior = 2", "interior = 6"),
+        ("\nrepetitions = 2\nresolution", "\nrepetitions = 4\nresolution"),
+        ("[experiments]", "[parameters.particle_density]\nlower = 2000\nupper = 3500\n\n[experiments]"),
+    ] {
+        study.edit("pipeline.toml", from, to);
+    }
+    study.succeed(&["repro", "train"]);
+    let hidden = ["challenge", "new", "--seed", "11", "--effect", "density_bias", "--strength", "0.15", "--n", "20"];
+    let mut found = Vec::new();
+    for (name, weighings) in [("unweighed", "0"), ("weighed", "10")] {
+        study.succeed(&[&hidden[..], &["--n-held-out", "3", "--out", name, "--weighings", weighings]].concat());
+        study.succeed(&["challenge", "solve", name]);
+        let tables = study.path(&format!("{name}/solution"));
+        let rows: Vec<AttributionRow> = table::read(&tables, AttributionRow::SPEC).expect("a table");
+        let verdicts: Vec<VerdictRow> = table::read(&tables, VerdictRow::SPEC).expect("a table");
+        found.push((verdicts[0].verdict.clone(), rows[0].part.clone(), rows[0].visibility));
+    }
+    assert_eq!((found[0].0.as_str(), found[0].1.as_str()), ("no_detectable_discrepancy", "absorbed"), "{found:?}");
+    assert_eq!((found[1].0.as_str(), found[1].1.as_str()), ("effect", "named"), "{found:?}");
 }
 
 /// Rows of an attribution with one effect that is detected from 0.5 on.

@@ -234,11 +234,11 @@ impl Contender {
         }
     }
 
-    /// The same contender for the statistics `kept` alone.
+    /// The same contender for the statistics `kept` alone; without direct runs it stands on its metamodels.
     pub fn restricted(&self, kept: &[usize]) -> Self {
         let tie = |tie: &Tie| Tie { x: tie.x.clone(), noise: tie.noise.select_rows(kept).select_columns(kept) };
         let surface = self.surface.as_ref().map(|surface| surface.restricted(kept)).map_err(String::clone);
-        Self { surface, tie: self.tie.as_ref().map(tie), ..self.clone() }
+        Self { surface, tie: self.tie.as_ref().map(tie), was_run: self.is_tied(), ..self.clone() }
     }
 
     /// What the attribution judges.

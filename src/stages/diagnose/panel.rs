@@ -39,11 +39,16 @@ impl<'a> Panel<'a> {
         let models = Models::read(context)?;
         let mut lab = Lab::new(context);
         let anchors = Anchors::simulate(context, &mut lab)?;
-        let examined = examine(context, &models, &anchors, &mut lab, reference)?;
-        Ok(examined.and_then(|examined| {
-            let all = (0..examined.case.evidence.statistics.len()).collect();
-            Self::of(examined, all).ok_or_else(|| "an observable could not be measured at the optimum".to_owned())
-        }))
+        let mut examined = match examine(context, &models, &anchors, &mut lab, reference)? {
+            Ok(examined) => examined,
+            Err(why) => return Ok(Err(why)),
+        };
+        // Another data set may lead to any candidate, so all of them stand on runs, as far as they have a strength.
+        for contender in examined.contenders.iter_mut().filter(|contender| !contender.was_run()) {
+            contender.tie(&examined.case, &mut lab)?;
+        }
+        let all = (0..examined.case.evidence.statistics.len()).collect();
+        Ok(Self::of(examined, all).ok_or_else(|| "an observable could not be measured at the optimum".to_owned()))
     }
 
     /// The same panel for the statistics of the KPIs alone.

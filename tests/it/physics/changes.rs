@@ -59,8 +59,8 @@ fn fines_have_the_mass_they_are_said_to_have() {
 /// Dropped by h and stopped again, a vessel leaves a resting grain where it was, and one that floats falls behind by h.
 #[test]
 fn a_dropped_vessel_is_a_change_of_gravity() {
-    let height = 3e-3;
-    let (fall, impact) = ((2.0 * height / GRAVITY as f64).sqrt(), 5e-3);
+    let height: f64 = 3e-3;
+    let (fall, impact) = ((2.0 * height / GRAVITY).sqrt(), 5e-3);
     let mut world =
         World::new(&Setup { gravity: [0.0, 0.0, -GRAVITY], ..space(0.1) }, &[moving([0.0; 3], [0.0; 3])]).unwrap();
     world.set_gravity([0.0; 3]);
