@@ -20,7 +20,8 @@ factor() {
     name=$1
     shift
     case $wanted in "  " | *" $name "*) ;; *) return 0 ;; esac
-    set -- $(printf -- '--set %s ' "stiffness_scale=$stiffness" "$@")
+    # What is compared with: damping as a ratio, deletion by centre; a later --set overrides an earlier one.
+    set -- $(printf -- '--set %s ' "stiffness_scale=$stiffness" damping_reading=pair_ratio deletion_reference=centre "$@")
     for seed in $(seq "$repetitions"); do
         "$granulake" --study studies/fransen2022.toml sim bulk_density --json --seed "$seed" "$@"
     done | awk -v name="$name" -v density=2750 '

@@ -7,10 +7,11 @@
 use crate::campaign::{Campaign, CampaignError, Point, Request, Values};
 use crate::canonical::{Digest, Encoder, digest};
 use crate::config::Config;
-use crate::effects::{self, Effect, EffectError};
+use crate::effects::{self, EffectError};
 use crate::experiments::Experiment;
 use crate::rng::Stream;
-use crate::tables::list::{AttributionRow, KpiRow, VerdictRow};
+use crate::stats::special::{chi2_quantile, chi2_sf};
+use crate::tables::list::{AttributionRow, ConfusionRow, KpiRow, VerdictRow};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -19,6 +20,9 @@ use std::sync::Arc;
 const PACKING_CONTEXT: &str = "granulake 2026 challenge packing v1";
 /// Share of each parameter's range that hidden values keep from its bounds.
 const MARGIN: f64 = 0.2;
+
+/// Scatter of one submerged weighing [kg/m³]; an assumption, since the paper does not print it.
+const WEIGHING_SD: f64 = 30.0;
 
 /// What to hide.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +37,8 @@ pub struct Order {
     pub repetitions: u32,
     /// Repetitions of the held-out experiment.
     pub held_out_repetitions: u32,
+    /// Submerged weighings of the grains, where their density is calibrated; fewer than two give none.
+    pub weighings: u32,
     /// Settings changed besides, as `(name, factor)`: a discrepancy that no candidate describes.
     pub scale: Vec<(String, f64)>,
 }
@@ -80,23 +86,56 @@ pub enum ChallengeError {
 pub fn make(config: &Config, campaign: &Campaign, order: &Order) -> Result<Challenge, ChallengeError> {
     let mut stream = Stream::new(order.seed, "challenge");
     let parameters = hidden_parameters(config, &mut stream);
-    let effects = hidden_effect(config, order, &mut stream)?;
-    let mut base = config.base_settings().clone();
-    for (name, factor) in &order.scale {
-        base.scale(name, *factor).map_err(CampaignError::from)?;
+    let truth = Truth { effects: hidden_effect(config, order, &mut stream)?, parameters, scale: order.scale.clone() };
+    let series = order.repetitions;
+    let mut kpis = truth.measure(config, campaign, &config.experiments(), (order.repetitions, series), order.seed)?;
+    let held_out = [config.validate.experiment];
+    kpis.extend(truth.measure(config, campaign, &held_out, (order.held_out_repetitions, series), order.seed)?);
+    let sealed = declaration(order, &truth.parameters, &truth.effects);
+    let measured = csv(order, &sealed, &kpis) + &weighings(order, &truth.parameters);
+    Ok(Challenge { measured, sealed })
+}
+
+/// What measurements are made with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    /// Values of the parameters.
+    pub parameters: Values,
+    /// Effects with their strengths.
+    pub effects: Values,
+    /// Settings changed besides, as `(name, factor)`.
+    pub scale: Vec<(String, f64)>,
+}
+
+impl Truth {
+    /// Observables of `repetitions` runs of every experiment, in series of `series`, with packings that come from seeds
+    /// which no stage of a study can draw.
+    ///
+    /// # Errors
+    /// A parameter or an effect out of range, or runs that cannot be made.
+    pub fn measure(
+        &self,
+        config: &Config,
+        campaign: &Campaign,
+        experiments: &[&'static dyn Experiment],
+        (repetitions, series): (u32, u32),
+        seed: u64,
+    ) -> Result<Vec<KpiRow>, ChallengeError> {
+        let mut base = config.base_settings().clone();
+        // The measurements are one series, in whose middle a drifting wall is as it was measured.
+        base.set("series_length", f64::from(series.max(2))).map_err(CampaignError::from)?;
+        for (name, factor) in &self.scale {
+            base.scale(name, *factor).map_err(CampaignError::from)?;
+        }
+        let point = Point::new(1, &base, &self.parameters)?.knowing(&config.effects.library);
+        let point = Arc::new(point.with_effects(&self.effects));
+        let mut requests = Vec::new();
+        for experiment in experiments {
+            requests.extend(batch(*experiment, &point, repetitions, seed)?);
+        }
+        let runs = campaign.simulate(&requests)?;
+        Ok(campaign.measure(&requests, &runs)?)
     }
-    let point = Arc::new(Point::new(1, &base, &parameters).map(|point| point.with_effects(&effects))?);
-    let mut requests = Vec::new();
-    for experiment in config.experiments() {
-        requests.extend(batch(experiment, &point, order.repetitions, order.seed)?);
-    }
-    if let Some(experiment) = Some(config.validate.experiment) {
-        requests.extend(batch(experiment, &point, order.held_out_repetitions, order.seed)?);
-    }
-    let runs = campaign.simulate(&requests)?;
-    let kpis = campaign.measure(&requests, &runs)?;
-    let sealed = declaration(order, &parameters, &effects);
-    Ok(Challenge { measured: csv(order, &sealed, &kpis), sealed })
 }
 
 fn batch(
@@ -124,14 +163,15 @@ fn hidden_effect(config: &Config, order: &Order, stream: &mut Stream) -> Result<
     if order.effect == "none" {
         return Ok(Vec::new());
     }
-    let effect: &dyn Effect = if order.effect == "random" {
+    let library = &config.effects.library;
+    let effect = if order.effect == "random" {
         let candidates = &config.diagnose.candidates;
         if candidates.is_empty() {
             return Err(ChallengeError::NoCandidates);
         }
-        effects::find(&candidates[stream.index(candidates.len())])?
+        library.find(&candidates[stream.index(candidates.len())])?
     } else {
-        effects::find(&order.effect)?
+        library.find(&order.effect)?
     };
     let upper = effect.range().1;
     let strength = order.strength.unwrap_or_else(|| upper * stream.uniform_in(2.0 / 3.0, 1.0));
@@ -163,8 +203,10 @@ fn csv(order: &Order, sealed: &str, kpis: &[KpiRow]) -> String {
         order.seed,
         Digest::of_content(sealed.as_bytes())
     );
+    let values = |kpi: &str| kpis.iter().filter(|row| row.kpi == kpi && row.value.is_some()).count();
     for row in kpis {
-        let _ = match (row.value, &row.reason) {
+        // One value alone has no scatter, and no reader of measured data takes it.
+        let _ = match (row.value.filter(|_| values(&row.kpi) >= 2), &row.reason) {
             (Some(value), _) => {
                 writeln!(text, "{},{},{},{value},{}", row.experiment, row.repetition, row.kpi, row.unit)
             }
@@ -173,6 +215,18 @@ fn csv(order: &Order, sealed: &str, kpis: &[KpiRow]) -> String {
                 writeln!(text, "# {} {}: no {}: {reason}", row.experiment, row.repetition, row.kpi)
             }
         };
+    }
+    text
+}
+
+/// The particle density as submerged weighings find it: hidden value and scatter of one weighing.
+fn weighings(order: &Order, parameters: &Values) -> String {
+    let mut stream = Stream::new(order.seed, "challenge weighings");
+    let mut text = String::new();
+    let hidden = parameters.iter().find(|(name, _)| name == "particle_density").filter(|_| order.weighings >= 2);
+    for (weighing, (name, density)) in (1..=order.weighings).filter_map(|weighing| Some((weighing, hidden?))) {
+        let value = density + WEIGHING_SD * stream.normal();
+        let _ = writeln!(text, "grains,{weighing},{name},{value},kg/m3");
     }
     text
 }
@@ -226,40 +280,126 @@ pub struct Score {
     pub found: Option<f64>,
     /// Smallest strength that is detected with the wanted probability, if there is one.
     pub detectable: Option<f64>,
+    /// Whether an effect that was left out differs enough from every candidate for "none of them" to be due.
+    pub decidable: Option<bool>,
     /// Whether the verdict is right.
     pub correct: bool,
+}
+
+/// Part of a candidate that could not be named, in the table of the attribution.
+const LEFT_OUT: &str = "left_out";
+/// Level of the leftover test, and the power that it must have.
+const LEFTOVER: (f64, f64) = (0.01, 0.95);
+
+impl Solution {
+    /// The candidate that looks most like the effect of `row` at a strength, and the cosine of the two; what calibration
+    /// hides cannot be told from anything.
+    fn nearest(&self, row: &AttributionRow, strength: f64) -> Option<(String, f64)> {
+        let alike = |pair: &&ConfusionRow| pair.effect == row.effect;
+        let likeness = |pair: &ConfusionRow| {
+            let one_sided = effects::find(&pair.other).is_ok_and(|effect| effect.one_sided());
+            let cosine = pair.cosine * strength.signum();
+            (pair.other.clone(), if one_sided { cosine.max(0.0) } else { cosine.abs() })
+        };
+        let all = self.confusion.iter().filter(alike).map(likeness);
+        all.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// Whether what the best rival leaves of an effect of size `size` = aη is seen by the leftover test:
+/// χ²(d − 1) with non-centrality A²(1 − c²) exceeds its critical value (Patnaik's approximation of the non-central χ²).
+fn is_decidable(size: f64, likeness: f64, dof: u32) -> bool {
+    let (level, power) = LEFTOVER;
+    let d = f64::from(dof.saturating_sub(1).max(1));
+    let shift = size * size * (1.0 - likeness * likeness);
+    let (scale, freedom) = ((d + 2.0 * shift) / (d + shift), (d + shift) * (d + shift) / (d + 2.0 * shift));
+    chi2_sf(chi2_quantile(1.0 - level, d) / scale, freedom) >= power
 }
 
 /// Largest class that still counts as an answer.
 const LARGEST_CLASS: usize = 3;
 
+/// Tables of a solution that its score needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// The verdict.
+    pub verdict: VerdictRow,
+    /// What was found for every candidate.
+    pub attribution: Vec<AttributionRow>,
+    /// How alike the candidates look.
+    pub confusion: Vec<ConfusionRow>,
+}
+
 /// Compares a solution with the declaration.
 ///
 /// Right is: the hidden effect, or a class of at most three with it; "no detectable discrepancy" where nothing is hidden
-/// or the strength is below the detection limit; "none of the candidates" where what is hidden is none of them.
-pub fn score(declaration: &Declaration, verdict: &VerdictRow, attribution: &[AttributionRow]) -> Score {
+/// or the strength is below the detection limit; "none of the candidates" where what is hidden is none of them. An effect
+/// that was left out of the library and looks too much like a candidate may be taken for that one.
+pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
+    let verdict = &solution.verdict;
     let named: Vec<String> = verdict.effects.split([',', ' ']).filter(|n| !n.is_empty()).map(str::to_owned).collect();
     let hidden = declaration.effect.as_ref();
-    let row = hidden.and_then(|(name, _)| attribution.iter().find(|row| row.effect == *name));
+    let row = hidden.and_then(|(name, _)| solution.attribution.iter().find(|row| row.effect == *name));
+    let in_library = row.is_some_and(|row| row.part != LEFT_OUT);
     let quiet = verdict.verdict == "no_detectable_discrepancy";
+    let none = verdict.verdict == "none_of_the_candidates";
     let detectable = row.and_then(|row| row.strength_90);
-    let correct = match (hidden, row) {
-        (None, _) if declaration.foreign => verdict.verdict == "none_of_the_candidates",
-        (None, _) => quiet,
-        (Some(_), None) => verdict.verdict == "none_of_the_candidates",
-        (Some((name, strength)), Some(_)) => {
+    let decidable = hidden.zip(row).filter(|_| !in_library).map(|((_, strength), row)| {
+        let nearest = solution.nearest(row, *strength).map_or(0.0, |(_, likeness)| likeness);
+        is_decidable(row.a * strength, nearest, verdict.dof)
+    });
+    let correct = match hidden {
+        None if declaration.foreign => none,
+        None => quiet,
+        Some((name, strength)) if in_library => {
             let weak = detectable.is_none_or(|limit| strength.abs() < limit.abs());
             (named.len() <= LARGEST_CLASS && named.contains(name)) || (weak && quiet)
+        }
+        Some((_, strength)) => {
+            let nearest = row.and_then(|row| solution.nearest(row, *strength));
+            let taken = nearest.is_some_and(|(name, _)| named.len() <= LARGEST_CLASS && named.contains(&name));
+            none || (decidable == Some(false) && (taken || quiet))
         }
     };
     Score {
         truth: hidden.map_or(if declaration.foreign { "foreign" } else { "none" }, |(name, _)| name).to_owned(),
         strength: hidden.map(|(_, strength)| *strength),
-        in_library: row.is_some(),
+        in_library,
+        decidable,
         verdict: verdict.verdict.clone(),
         found: row.map(|row| row.strength),
         named,
         detectable,
         correct,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::EXPERIMENTS;
+    use crate::settings::Settings;
+    use std::collections::BTreeSet;
+
+    /// Even at the same point, with the same base seed.
+    #[test]
+    fn packings_come_from_seeds_that_no_stage_draws() {
+        let values = [("sliding_friction".to_owned(), 0.4)];
+        let point = Arc::new(Point::new(1, &Settings::default(), &values).unwrap());
+        let seeds =
+            |requests: Vec<Request>| requests.into_iter().map(|request| request.seed).collect::<BTreeSet<u64>>();
+        for seed in 0..50 {
+            let blind = seeds(batch(EXPERIMENTS[0], &point, 50, seed).unwrap());
+            let study = seeds(Request::batch("design", EXPERIMENTS[0], &point, 1..=50, seed).unwrap());
+            assert_eq!(blind.len(), 50);
+            assert!(blind.is_disjoint(&study));
+        }
+    }
+
+    #[test]
+    fn none_of_the_candidates_is_due_where_the_leftover_test_sees_the_rest() {
+        // Power of χ²(9) at 1 % (21.67): 0.95 needs a non-centrality of about 30.4 (tables of the non-central χ²).
+        assert!(is_decidable(31.5_f64.sqrt(), 0.0, 10) && !is_decidable(29.0_f64.sqrt(), 0.0, 10));
+        assert!(!is_decidable(31.5_f64.sqrt(), 0.5, 10) && is_decidable(-(42.5_f64.sqrt()), 0.5, 10));
     }
 }

@@ -7,7 +7,7 @@
 use super::CampaignError;
 use crate::canonical::{Digest, Encoder, digest};
 use crate::dem;
-use crate::effects;
+use crate::effects::{self, Library};
 use crate::experiments::Experiment;
 use crate::settings::{Scope, Settings};
 use std::sync::Arc;
@@ -30,6 +30,8 @@ pub struct Point {
     pub parameters: Values,
     /// Effect strengths, sorted by name; zero is the same as absent.
     pub effects: Values,
+    /// What the names of the effects mean.
+    pub library: Library,
 }
 
 impl Point {
@@ -44,7 +46,13 @@ impl Point {
         for (name, value) in &parameters {
             settings.set(name, *value)?;
         }
-        Ok(Self { number, settings: Arc::new(settings), parameters, effects: Vec::new() })
+        Ok(Self { number, settings: Arc::new(settings), parameters, effects: Vec::new(), library: Library::default() })
+    }
+
+    /// The same point, whose effects may be those of `library`.
+    #[must_use]
+    pub fn knowing(self, library: &Library) -> Self {
+        Self { library: library.clone(), ..self }
     }
 
     /// The same point with these effects on; zero strengths are dropped.
@@ -114,7 +122,8 @@ impl Request {
     pub fn resolve(&self) -> Result<Settings, CampaignError> {
         let mut settings = (*self.point.settings).clone();
         for (name, strength) in &self.point.effects {
-            effects::apply(effects::find(name)?, *strength, &mut settings, self.seed)?;
+            let effect = self.point.library.find(name)?;
+            effects::apply(&*effect, *strength, &mut settings, self.seed, self.repetition)?;
         }
         Ok(settings)
     }

@@ -3,13 +3,13 @@
 use super::output::aligned;
 use super::{CliError, Outcome};
 use crate::campaign::{Campaign, Options};
-use crate::challenge::{self, Declaration, Order, Score};
+use crate::challenge::{self, Declaration, Order, Score, Solution};
 use crate::pipeline::run::{Request, repro};
 use crate::pipeline::{self, Study};
 use crate::stages;
 use crate::store::{Store, table};
 use crate::tables::Row;
-use crate::tables::list::{AttributionRow, VerdictRow};
+use crate::tables::list::{AttributionRow, ConfusionRow, VerdictRow};
 use clap::{Args, Subcommand};
 use serde_json::json;
 use std::io::Write;
@@ -20,7 +20,7 @@ const MEASURED: &str = "measured.csv";
 /// The declaration, which nothing but `score` reads.
 const SEALED: &str = "sealed.toml";
 /// Tables of the solution.
-const SOLUTION: &str = "solution";
+const TABLES: &str = "solution";
 
 /// Make, solve and score measured data that hide an effect.
 #[derive(Debug, Args)]
@@ -44,7 +44,7 @@ Examples:
         /// Name of an effect, `random` or `none`.
         #[arg(long, default_value = "random")]
         effect: String,
-        /// Strength of the effect.
+        /// Strength of the effect; drawn from the upper third of its physical range when left out.
         #[arg(long, allow_negative_numbers = true)]
         strength: Option<f64>,
         /// Repetitions of every fitted experiment.
@@ -53,6 +53,9 @@ Examples:
         /// Repetitions of the held-out experiment.
         #[arg(long, default_value_t = 5)]
         n_held_out: u32,
+        /// Submerged weighings of the grains; 0 = the particle density was not measured.
+        #[arg(long, default_value_t = 10)]
+        weighings: u32,
         /// Multiply a setting besides: a discrepancy that no candidate describes.
         #[arg(long, value_name = "NAME=FACTOR", value_parser = factor)]
         scale: Vec<(String, f64)>,
@@ -98,13 +101,14 @@ fn factor(text: &str) -> Result<(String, f64), String> {
 /// Makes, solves or scores.
 pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     match &arguments.action {
-        Action::New { seed, effect, strength, n, n_held_out, scale, out } => {
+        Action::New { seed, effect, strength, n, n_held_out, weighings, scale, out } => {
             let order = Order {
                 seed: *seed,
                 effect: effect.clone(),
                 strength: *strength,
                 repetitions: *n,
                 held_out_repetitions: *n_held_out,
+                weighings: *weighings,
                 scale: scale.clone(),
             };
             new(study, &order, out)
@@ -138,7 +142,7 @@ fn solve(study: &Path, dir: &Path, without: Option<&str>, jobs: usize) -> Result
     let options = Options { jobs, progress: true, retry_failed: false };
     repro(&study, &Request { target: stages::find("train"), force: false, options }, |_, _| {})?;
     let campaign = study.campaign(options)?;
-    let solution = dir.join(SOLUTION);
+    let solution = dir.join(TABLES);
     if solution.exists() {
         std::fs::remove_dir_all(&solution)?;
     }
@@ -166,7 +170,7 @@ fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
             json!({
                 "dir": dir.display().to_string(), "truth": s.truth, "strength": s.strength, "in_library": s.in_library,
                 "verdict": s.verdict, "named": s.named, "found": s.found, "detectable": s.detectable,
-                "correct": s.correct,
+                "decidable": s.decidable, "correct": s.correct,
             })
         };
         writeln!(out, "{}", serde_json::Value::Array(scores.iter().map(entry).collect()))?;
@@ -196,11 +200,16 @@ fn score_one(dir: &Path) -> Result<Score, CliError> {
             .map_err(|e| format!("cannot read {name}: {e}; a scored challenge needs it"))
     };
     let declaration = Declaration::open(&text(SEALED)?, &text(MEASURED)?)?;
-    let solution = dir.join(SOLUTION);
+    let solution = dir.join(TABLES);
     if !solution.is_dir() {
         return Err("it has no solution; run `granulake challenge solve` first".into());
     }
     let verdicts: Vec<VerdictRow> = table::read(&solution, VerdictRow::SPEC)?;
-    let verdict = verdicts.first().ok_or("its solution has no verdict; run `granulake challenge solve` again")?;
-    Ok(challenge::score(&declaration, verdict, &table::read::<AttributionRow>(&solution, AttributionRow::SPEC)?))
+    let missing = "its solution has no verdict; run `granulake challenge solve` again";
+    let solution = Solution {
+        verdict: verdicts.into_iter().next().ok_or(missing)?,
+        attribution: table::read(&solution, AttributionRow::SPEC)?,
+        confusion: table::read(&solution, ConfusionRow::SPEC)?,
+    };
+    Ok(challenge::score(&declaration, &solution))
 }

@@ -6,9 +6,10 @@ mod watch;
 use super::{CliError, Outcome};
 use crate::campaign::{Point, Request, Values, state_digest};
 use crate::dem::{Checkpoint, Setup, Simulation};
+use crate::effects::Library;
 use crate::pipeline::Study;
 use crate::settings::spec;
-use crate::{dem, effects, experiments, units};
+use crate::{dem, experiments, units};
 use clap::Args;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -63,7 +64,8 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
             None => settings.set(name, units::parse(text, spec(name)?.unit)?)?,
         }
     }
-    let point = Point::new(1, &settings, &[])?.with_effects(&strengths(&arguments.effects)?);
+    let library = &config.effects.library;
+    let point = Point::new(1, &settings, &[])?.knowing(library).with_effects(&strengths(library, &arguments.effects)?);
     let request =
         Request { label: "sim".to_owned(), experiment, point: Arc::new(point), repetition: 1, seed: arguments.seed };
     let resolved = request.resolve()?;
@@ -133,9 +135,9 @@ fn simulate(setup: &Setup, arguments: &Arguments) -> Result<dem::Outcome, CliErr
     }
 }
 
-fn strengths(pairs: &[(String, String)]) -> Result<Values, CliError> {
+fn strengths(library: &Library, pairs: &[(String, String)]) -> Result<Values, CliError> {
     let strength = |(name, text): &(String, String)| {
-        let effect = effects::find(name)?;
+        let effect = library.find(name)?;
         Ok((name.clone(), units::parse(text, effect.unit())?))
     };
     pairs.iter().map(strength).collect()

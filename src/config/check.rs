@@ -3,21 +3,21 @@
 //! Takes a value as parsed; gives a checked one, or a sentence that says what is wrong and what would be right.
 //! Names of other sections (parameters, measured sets) are checked once the whole file is read.
 
-use super::declare::{Kind, effect_names, experiment_names};
+use super::declare::{Kind, experiment_names};
 use super::nearest::suggestion;
 use super::values::Value;
-use crate::settings::{Kind as SettingKind, SettingSpec};
+use crate::settings::{self, Kind as SettingKind, SettingSpec};
 use crate::units;
 use toml::de::DeValue;
 
 /// A sentence about what is wrong.
 pub type Complaint = String;
 
-/// Checks `value` against `kind`. `unit` is the unit of a [`Kind::Quantity`].
+/// Checks `value` against `kind`. `unit` is the unit of a [`Kind::Quantity`], `effects` are the names of the known ones.
 ///
 /// # Errors
 /// What is wrong and what to do.
-pub fn check(value: &DeValue, kind: Kind, unit: &str) -> Result<Value, Complaint> {
+pub fn check(value: &DeValue, kind: Kind, unit: &str, effects: &[&str]) -> Result<Value, Complaint> {
     match kind {
         Kind::Text => text(value).map(Value::Text),
         Kind::Name | Kind::Measured | Kind::Parameter => name(value, kind).map(Value::Text),
@@ -29,11 +29,13 @@ pub fn check(value: &DeValue, kind: Kind, unit: &str) -> Result<Value, Complaint
         Kind::Choice(words) => word(value, words).map(Value::Text),
         Kind::Choices(options) => words(value, options).map(Value::Words),
         Kind::Counts(least, most) => ascending(value, |item| count(item, least, most)).map(Value::Counts),
-        Kind::Interval(lower, upper) => interval(value, lower, upper).map(Value::Numbers),
+        Kind::Interval(lower, upper) => interval(value, |item| bounded(item, "1", lower, upper)).map(Value::Numbers),
+        Kind::Range => interval(value, |item| number(item, unit)).map(Value::Numbers),
+        Kind::Setting => setting_name(value).map(Value::Text),
         Kind::Experiment => word(value, &experiment_names()).map(Value::Text),
         Kind::Experiments => words(value, &experiment_names()).map(Value::Words),
-        Kind::Effects => all_or(value, &effect_names()).map(Value::Words),
-        Kind::ChoiceOrEffect(choices) => word(value, &[choices, &effect_names()].concat()).map(Value::Text),
+        Kind::Effects => all_or(value, effects).map(Value::Words),
+        Kind::ChoiceOrEffect(choices) => word(value, &[choices, effects].concat()).map(Value::Text),
         Kind::MeasuredSets => names_or_all(value).map(Value::Words),
     }
 }
@@ -111,6 +113,18 @@ fn name(value: &DeValue, kind: Kind) -> Result<String, Complaint> {
     Ok(name)
 }
 
+/// The name of a setting that is a number.
+fn setting_name(value: &DeValue) -> Result<String, Complaint> {
+    let name = text(value)?;
+    let spec = settings::spec(&name).map_err(|error| error.to_string())?;
+    match spec.kind {
+        SettingKind::Number { .. } => Ok(name),
+        SettingKind::Choice { .. } => {
+            Err(format!("`{name}` is a choice between {}, which has no strength", spec.allowed()))
+        }
+    }
+}
+
 fn word(value: &DeValue, words: &[&str]) -> Result<String, Complaint> {
     let given = value.as_str().ok_or_else(|| expected(&format!("one of the words {}", words.join(", ")), value))?;
     if words.contains(&given) {
@@ -173,8 +187,8 @@ fn ascending<T: PartialOrd + Copy + std::fmt::Display>(
     }
 }
 
-fn interval(value: &DeValue, lower: f64, upper: f64) -> Result<Vec<f64>, Complaint> {
-    let list = ascending(value, |item| bounded(item, "1", lower, upper))?;
+fn interval(value: &DeValue, check: impl Fn(&DeValue) -> Result<f64, Complaint>) -> Result<Vec<f64>, Complaint> {
+    let list = ascending(value, check)?;
     if list.len() == 2 { Ok(list) } else { Err(format!("{} items; an interval is [lower, upper]", list.len())) }
 }
 

@@ -7,6 +7,7 @@ use super::nearest::suggestion;
 use super::problem::{Place, Problem};
 use super::read::Reading;
 use super::values::Value;
+use crate::effects::{self, Effect, EffectError};
 use crate::experiments::{self, EXPERIMENTS};
 use crate::settings;
 use crate::units::canonical;
@@ -23,6 +24,7 @@ pub fn check(reading: &mut Reading, file: &str) {
     cross.measured();
     cross.priors();
     cross.counts();
+    cross.declared();
     cross.diagnosis();
     cross.apparatus();
 }
@@ -170,6 +172,44 @@ impl Cross<'_> {
             let what = format!("none is at most study.repetitions = {repetitions}; add a smaller count");
             self.problem("verify.counts", what);
         }
+    }
+
+    /// Ranges of declared effects: they hold 0, have a sign that makes sense, and stay within what the setting takes.
+    fn declared(&mut self) {
+        for name in self.reading.declared.clone() {
+            let path = format!("effects.{name}.range");
+            let Ok(effect) = self.reading.library.find(&name) else { continue };
+            let (lower, upper) = effect.range();
+            if !(lower <= 0.0 && 0.0 < upper) {
+                let what =
+                    format!("{} to {} must hold 0 (absent) and end above it", canonical(lower), canonical(upper));
+                self.problem(&path, what);
+            } else if effect.is_scatter() && lower < 0.0 {
+                self.problem(&path, "a scatter is not negative; begin with 0".to_owned());
+            } else if let Some(error) = self.unphysical(&*effect) {
+                self.problem(&path, format!("{error}; narrow the range"));
+            }
+        }
+    }
+
+    /// What goes wrong at an end of the effect's range, anywhere between the bounds of the parameters.
+    fn unphysical(&self, effect: &dyn Effect) -> Option<EffectError> {
+        let values = &self.reading.values;
+        let corner = |bound: &str| {
+            let mut settings = self.reading.settings.clone();
+            for name in &self.reading.parameters {
+                // A bound that the setting refuses is a problem of its own.
+                let _ = settings.set(name, values.number(&format!("parameters.{name}.{bound}")));
+            }
+            settings
+        };
+        let (lower, upper) = effect.range();
+        let last = self.reading.settings["series_length"] as u32;
+        let ends = [lower, upper].into_iter().flat_map(|strength| [1, last].map(|repetition| (strength, repetition)));
+        let mut all = ends.flat_map(|end| ["lower", "upper"].map(|bound| (end, corner(bound))));
+        all.find_map(|((strength, repetition), mut settings)| {
+            effects::apply(effect, strength, &mut settings, 0, repetition).err()
+        })
     }
 
     fn diagnosis(&mut self) {

@@ -3,7 +3,7 @@
 //! The reader checks a file against it, the JSON Schema is generated from it, and the text of every resolved value that
 //! enters the key of a stage is named by it; so the three cannot disagree. It holds no values of a study.
 
-use crate::effects::EFFECTS;
+use crate::effects::{EFFECTS, Way};
 use crate::experiments::EXPERIMENTS;
 
 /// What a key may hold.
@@ -39,6 +39,10 @@ pub enum Kind {
     Effects,
     /// One of the words, or the name of an effect.
     ChoiceOrEffect(&'static [&'static str]),
+    /// Two ascending numbers in the unit of the setting that the section names.
+    Range,
+    /// The name of a setting that is a number.
+    Setting,
     /// The name of a parameter of the study.
     Parameter,
     /// The name of a measured data set of the study.
@@ -75,6 +79,8 @@ pub enum Shape {
     Weights,
     /// `[section]` with effects as keys and their strengths as values.
     Strengths,
+    /// `[section]` with the first keys, and `[section.NAME]` with the second ones for every effect that the study declares.
+    Effects(&'static [Key], &'static [Key]),
 }
 
 /// One section.
@@ -124,7 +130,11 @@ pub const SECTIONS: &[Section] = &[
     Section { path: "validate", shape: Shape::Table(VALIDATE), meaning: "the experiment the calibration never sees" },
     Section { path: "diagnose", shape: Shape::Table(DIAGNOSE), meaning: "attribution of the residual to effects" },
     Section { path: "diagnose.thresholds", shape: Shape::Table(THRESHOLDS), meaning: "when a verdict is given" },
-    Section { path: "effects", shape: Shape::Table(EFFECT), meaning: "what happens with a verdict" },
+    Section {
+        path: "effects",
+        shape: Shape::Effects(EFFECT, DECLARED),
+        meaning: "what happens with a verdict, and effects of the study's own",
+    },
     Section {
         path: "effects.active",
         shape: Shape::Strengths,
@@ -321,12 +331,24 @@ const EFFECT: &[Key] = &[key(
     "effect to add and recalibrate: the one the verdict names, none, or this one",
 )];
 
+const DECLARED: &[Key] = &[
+    required("setting", Kind::Setting, "setting of the model or the measurement that it changes"),
+    required(
+        "kind",
+        Kind::Choice(Way::WORDS),
+        "the same in every repetition, at random, or growing from one to the next",
+    ),
+    required("range", Kind::Range, "physical range of the strength, [lower, upper]; holds 0, which is absent"),
+    key("relative", Kind::Flag, "false", "whether the strength is a share of the setting's value, not in its unit"),
+    required("source", Kind::Text, "where the range comes from"),
+];
+
 /// Names of all experiments.
 pub fn experiment_names() -> Vec<&'static str> {
     EXPERIMENTS.iter().map(|experiment| experiment.name()).collect()
 }
 
-/// Names of all effects.
+/// Names of the built-in effects.
 pub fn effect_names() -> Vec<&'static str> {
     EFFECTS.iter().map(|effect| effect.name()).collect()
 }
@@ -347,7 +369,9 @@ mod tests {
         paths.sort_unstable();
         assert!(paths.windows(2).all(|pair| pair[0] != pair[1]), "{paths:?}");
         for section in SECTIONS {
-            if let Shape::Table(keys) | Shape::Parameters(keys) | Shape::List(_, keys) = section.shape {
+            if let Shape::Table(keys) | Shape::Parameters(keys) | Shape::List(_, keys) | Shape::Effects(_, keys) =
+                section.shape
+            {
                 let mut names: Vec<_> = keys.iter().map(|key| key.name).collect();
                 names.sort_unstable();
                 assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{}: {names:?}", section.path);

@@ -115,12 +115,12 @@ impl Config {
         Self::from_reading(reading, &self.file)
     }
 
-    /// The same study with one data set in place of all others, and without one of its candidate effects.
+    /// The same study with one data set in place of all others; the candidate `without` may not be named.
     #[must_use]
     pub fn with_only(&self, source: MeasuredSource, without: Option<&str>) -> Self {
         let mut config = self.clone();
         config.diagnose.measured = vec![source.name.clone()];
-        config.diagnose.candidates.retain(|name| without != Some(name.as_str()));
+        config.diagnose.left_out = without.map(str::to_owned);
         config.priors.clear();
         config.measured = vec![source];
         config
@@ -143,18 +143,50 @@ impl Config {
         self.reading.values.texts(paths)
     }
 
+    /// Strengths of the active effects, with the declarations of those that are the study's own, as
+    /// [`Config::settings_text`] gives them.
+    pub fn active_text(&self) -> BTreeMap<String, String> {
+        let mut text = self.settings_text(&["effects.active"]);
+        let names = self.effects.active.iter().filter(|(_, strength)| *strength != 0.0).map(|(name, _)| name.as_str());
+        text.extend(self.declared_text(names));
+        text
+    }
+
+    /// Declarations of those of `names` that are the study's own effects; none for built-in ones.
+    pub fn declared_text<'n>(&self, names: impl Iterator<Item = &'n str>) -> BTreeMap<String, String> {
+        let own = names.filter(|name| self.effects.library.declared().any(|declared| declared == *name));
+        let mut text: BTreeMap<String, String> =
+            own.flat_map(|name| self.settings_text(&[&format!("effects.{name}")])).collect();
+        if !text.is_empty() {
+            text.extend(self.settings_text(&["setup.series_length"]));
+        }
+        text
+    }
+
     /// Resolved values of `[setup]` in one scope, but only those that one of `experiments` reads, as
     /// [`Config::settings_text`] gives them: a stage that measures a pile does not care for the shape of a hopper.
     pub fn setup_text(&self, experiments: &[&dyn Experiment], scope: Scope) -> BTreeMap<String, String> {
-        let read = |spec: &&SettingSpec| experiments.iter().any(|experiment| spec.is_used_by(experiment.name()));
+        let told = |spec: &SettingSpec| spec.is_told(self.base_settings().get(spec.name).unwrap_or_default());
+        let read =
+            |spec: &&SettingSpec| experiments.iter().any(|experiment| spec.is_used_by(experiment.name())) && told(spec);
         let paths = settings::specs().filter(|spec| spec.scope == scope).filter(read);
         let paths: Vec<String> = paths.map(|spec| format!("setup.{}", spec.name)).collect();
         self.settings_text(&paths.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
-    /// The priors that belong to the data set `measured`.
-    pub fn priors_of<'c>(&'c self, measured: &'c str) -> impl Iterator<Item = &'c Prior> {
-        self.priors.iter().filter(move |prior| prior.measured == measured)
+    /// What is known of the parameters besides `measured`: the priors that the study declares for it, and for any other
+    /// parameter what the data themselves say of the grains.
+    pub fn priors_of(&self, measured: &Measured) -> Vec<Prior> {
+        let declared = self.priors.iter().filter(|prior| prior.measured == measured.name).cloned();
+        let mut priors: Vec<Prior> = declared.collect();
+        for known in &measured.properties {
+            let parameter = self.parameters.iter().find(|parameter| parameter.name == known.kpi);
+            if let Some(parameter) = parameter.filter(|p| priors.iter().all(|prior| prior.parameter != p.name)) {
+                let (name, measured) = (parameter.name, measured.name.clone());
+                priors.push(Prior { measured, parameter: name, mean: known.mean, sd: known.sd, n: known.n });
+            }
+        }
+        priors
     }
 
     /// The file the study was read from, as given.
@@ -198,7 +230,7 @@ impl Config {
 
     fn build(reading: Reading, file: &Path) -> Self {
         let values = &reading.values;
-        let (study, effects) = (types::study(values), types::effects(values));
+        let (study, effects) = (types::study(values), types::effects(values, &reading.library));
         let specs = reading.parameters.iter().filter_map(|name| settings::spec(name).ok());
         let ids = |list: &str| reading.lists.get(list).into_iter().flatten();
         Self {

@@ -8,7 +8,7 @@ use super::declare::{Key, SECTIONS, Section, Shape, effect_names, experiment_nam
 use super::nearest::{nearest, suggestion};
 use super::problem::{Place, Problem};
 use super::values::{Value, Values};
-use crate::effects;
+use crate::effects::{Declared, Library, Way};
 use crate::settings::{self, SettingSpec, Settings};
 use std::collections::BTreeMap;
 use toml::Spanned;
@@ -27,6 +27,10 @@ pub struct Reading {
     pub parameters: Vec<String>,
     /// Identities of the items of every list section, in the order of the file.
     pub lists: BTreeMap<&'static str, Vec<String>>,
+    /// Names of the effects that the study declares.
+    pub declared: Vec<String>,
+    /// Built-in and declared effects.
+    pub library: Library,
     /// What is wrong.
     pub problems: Vec<Problem>,
 }
@@ -66,6 +70,7 @@ impl<'d> Reader<'d> {
     }
 
     fn root(&mut self, root: &DeTable<'d>) {
+        self.reading.declared = declared_names(root);
         let top: Vec<&str> = SECTIONS.iter().map(|section| section.path).filter(|path| !path.contains('.')).collect();
         self.refuse_unknown(root, "section", &top);
         for section in SECTIONS {
@@ -91,6 +96,7 @@ impl<'d> Reader<'d> {
             Shape::Settings => self.setup(table),
             Shape::Weights => self.weights(path, table),
             Shape::Strengths => self.strengths(path, table),
+            Shape::Effects(keys, declared) => self.effects(path, (keys, declared), table, at),
             Shape::List(..) => {}
         }
     }
@@ -107,8 +113,8 @@ impl<'d> Reader<'d> {
 
     fn key(&mut self, path: &str, key: &Key, table: &DeTable<'d>, at: usize, unit: &str) {
         let (at, checked) = match (table.get(key.name), key.default) {
-            (Some(item), _) => (item.span().start, check(item.get_ref(), key.kind, unit)),
-            (None, Some(default)) => (at, checked_default(key, default, unit)),
+            (Some(item), _) => (item.span().start, check(item.get_ref(), key.kind, unit, &self.effect_names())),
+            (None, Some(default)) => (at, checked_default(key, default, unit, &self.effect_names())),
             (None, None) => (at, Err(format!("key is missing; add it ({})", key.meaning))),
         };
         match checked {
@@ -256,12 +262,61 @@ impl<'d> Reader<'d> {
     }
 
     fn strengths(&mut self, path: &str, table: &DeTable<'d>) {
-        self.refuse_unknown(table, "effect", &effect_names());
+        let library = self.reading.library.clone();
+        let names: Vec<&str> = effect_names().into_iter().chain(library.declared()).collect();
+        self.refuse_unknown(table, "effect", &names);
         for (name, item) in table {
-            let Ok(effect) = effects::find(name.get_ref()) else { continue };
+            let Ok(effect) = library.find(name.get_ref()) else { continue };
             let (lower, upper) = effect.range();
             let checked = bounded(item.get_ref(), effect.unit(), lower, upper);
             self.number(path, effect.name(), (item.span().start, checked));
+        }
+    }
+
+    /// Names of all effects, built in and declared.
+    fn effect_names(&self) -> Vec<&str> {
+        effect_names().into_iter().chain(self.reading.declared.iter().map(String::as_str)).collect()
+    }
+
+    /// The section of the effects, and one section for every effect that the study declares.
+    fn effects(&mut self, path: &str, (keys, declared): (&[Key], &[Key]), table: &DeTable<'d>, at: usize) {
+        let is_declared = |name: &str| self.reading.declared.iter().any(|known| known == name);
+        let own: DeTable<'d> = table
+            .iter()
+            .filter(|(name, _)| !is_declared(name.get_ref()))
+            .map(|(n, i)| (n.clone(), i.clone()))
+            .collect();
+        self.table(path, keys, &own, at, "1");
+        for (name, item) in table {
+            let (at, name) = (name.span().start, name.get_ref().as_ref());
+            if let Some(inner) = item.get_ref().as_table().filter(|_| name != ACTIVE) {
+                self.declared(path, name, declared, (inner, at));
+            }
+        }
+    }
+
+    fn declared(&mut self, path: &str, name: &str, keys: &[Key], (table, at): (&DeTable<'d>, usize)) {
+        let full = format!("{path}.{name}");
+        let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        if effect_names().contains(&name) {
+            return self.problem(at, format!("`{full}`: an effect of this name is built in; choose another name"));
+        }
+        if !name.chars().all(plain) || ["all", "auto", "none", "random"].contains(&name) {
+            let what = format!("`{full}`: `{name}` cannot name an effect; use lower-case letters, digits and `_`");
+            return self.problem(at, what);
+        }
+        let word = |key: &str| table.get(key).and_then(|item| item.get_ref().as_str());
+        let spec = word("setting").and_then(|name| settings::spec(name).ok());
+        let relative = table.get("relative").and_then(|item| item.get_ref().as_bool()).unwrap_or_default();
+        let unit = spec.filter(|_| !relative).map_or("1", |spec| spec.unit);
+        let before = self.reading.problems.len();
+        self.table(&full, keys, table, at, unit);
+        if let (Some(spec), true) = (spec, self.reading.problems.len() == before) {
+            let values = &self.reading.values;
+            let text = |key: &str| values.text(&format!("{full}.{key}")).to_owned();
+            let range = values.numbers(&format!("{full}.range"));
+            let how = (spec, Way::of_word(&text("kind")), relative);
+            self.reading.library.add(Declared::new(name, how, (range[0], range[1]), &text("source")));
         }
     }
 
@@ -282,6 +337,16 @@ impl<'d> Reader<'d> {
             }
         }
     }
+}
+
+/// The section of effects that are on from the start; every other section beside it declares an effect.
+const ACTIVE: &str = "active";
+
+/// Names of the effects that a study declares.
+fn declared_names(root: &DeTable) -> Vec<String> {
+    let effects = root.get("effects").and_then(|item| item.get_ref().as_table());
+    let tables = effects.into_iter().flatten().filter(|(_, item)| item.get_ref().as_table().is_some());
+    tables.map(|(name, _)| name.get_ref().to_string()).filter(|name| name != ACTIVE).collect()
 }
 
 /// The section `outer.inner` and where `outer` starts. What is not a section is told when `outer` is read.
@@ -306,9 +371,9 @@ fn not_a_section(path: &str) -> String {
     format!("`{path}` is a section; write [{path}] on a line of its own and its keys below")
 }
 
-fn checked_default(key: &Key, default: &str, unit: &str) -> Result<Value, Complaint> {
+fn checked_default(key: &Key, default: &str, unit: &str, effects: &[&str]) -> Result<Value, Complaint> {
     let value = DeValue::parse(default).map_err(|error| format!("its default cannot be read: {}", error.message()))?;
-    check(value.get_ref(), key.kind, unit)
+    check(value.get_ref(), key.kind, unit, effects)
 }
 
 /// The specification of a setting; a name that lacks its experiment is suggested first.

@@ -30,6 +30,11 @@ pub fn text() -> String {
 fn of_section(section: &Section) -> Value {
     let mut schema = match section.shape {
         Shape::Table(keys) => table(section.path, keys),
+        Shape::Effects(keys, declared) => {
+            let mut schema = table(section.path, keys);
+            insert(&mut schema, "additionalProperties", table("", declared));
+            schema
+        }
         Shape::Parameters(keys) => json!({
             "type": "object",
             "minProperties": 1,
@@ -39,11 +44,11 @@ fn of_section(section: &Section) -> Value {
         Shape::List(_, keys) => json!({ "type": "array", "items": table("", keys) }),
         Shape::Settings => setup(),
         Shape::Weights => map(kpi_names().into_iter().map(|name| (name, json!({ "type": QUANTITY, "minimum": 0 })))),
-        Shape::Strengths => map(EFFECTS.iter().map(|effect| {
+        Shape::Strengths => open(map(EFFECTS.iter().map(|effect| {
             let (lower, upper) = effect.range();
             let meaning = format!("{} [{}]", effect.meaning(), effect.unit());
             (effect.name(), json!({ "type": QUANTITY, "minimum": lower, "maximum": upper, "description": meaning }))
-        })),
+        }))),
     };
     insert(&mut schema, "description", json!(section.meaning));
     schema
@@ -90,10 +95,26 @@ fn of_kind(kind: Kind) -> Value {
         }
         Kind::Experiment => json!({ "enum": experiment_names() }),
         Kind::Experiments => list(json!({ "enum": experiment_names() })),
-        Kind::Effects => all_or(json!({ "enum": effect_names() })),
-        Kind::ChoiceOrEffect(words) => json!({ "enum": ([words, &effect_names()].concat()) }),
+        Kind::Effects => all_or(effect(&[])),
+        Kind::ChoiceOrEffect(words) => effect(words),
+        Kind::Range => {
+            json!({ "type": "array", "items": { "type": QUANTITY }, "minItems": 2, "maxItems": 2 })
+        }
+        Kind::Setting => json!({ "enum": number_settings() }),
         Kind::MeasuredSets => all_or(json!({ "type": "string", "pattern": NAME })),
     }
+}
+
+/// One of `words`, a built-in effect, or the name of a declared one.
+fn effect(words: &[&str]) -> Value {
+    let known = [words, &effect_names()].concat();
+    json!({ "anyOf": [{ "enum": known }, { "type": "string", "pattern": "^[a-z0-9_]+$" }] })
+}
+
+/// The same object, which also takes numbers under the names of declared effects.
+fn open(mut schema: Value) -> Value {
+    insert(&mut schema, "additionalProperties", json!({ "type": QUANTITY }));
+    schema
 }
 
 /// `[setup]`: bare settings, and a table per experiment for the others.

@@ -4,6 +4,7 @@
 //! numbers are SI, angles in degrees.
 
 use super::values::Values;
+use crate::effects::Library;
 use crate::experiments::{self, EXPERIMENTS, Experiment};
 use crate::settings::{self, SettingSpec};
 use crate::stats::summary::Convention;
@@ -278,6 +279,8 @@ pub struct Diagnose {
     pub kind: MetamodelKind,
     /// Effects that may be named, without those the model already has.
     pub candidates: Vec<String>,
+    /// A candidate that may not be named, as if the library did not know it; how well it stands out is still reported.
+    pub left_out: Option<String>,
     /// Anchors of every effect: points over parameters and strength.
     pub anchors: u32,
     /// Simulations at every anchor.
@@ -333,6 +336,8 @@ pub struct Effects {
     pub accept: Accept,
     /// Effects the model has from the start with their strengths, sorted by name.
     pub active: Vec<(String, f64)>,
+    /// Built-in effects and those that the study declares.
+    pub library: Library,
 }
 
 pub(super) fn study(values: &Values) -> Study {
@@ -435,6 +440,7 @@ pub(super) fn diagnose(values: &Values, active: &[(String, f64)]) -> Diagnose {
         measured: values.words("diagnose.measured").to_vec(),
         kind: MetamodelKind::admitted(values.text("diagnose.kind")),
         candidates: values.words("diagnose.candidates").iter().filter(|name| !in_model(name)).cloned().collect(),
+        left_out: None,
         anchors: values.count32("diagnose.anchors"),
         anchor_repetitions: values.count32("diagnose.anchor_repetitions"),
         refine_repetitions: values.count32("diagnose.refine_repetitions"),
@@ -460,11 +466,11 @@ fn thresholds(values: &Values) -> Thresholds {
     }
 }
 
-pub(super) fn effects(values: &Values) -> Effects {
+pub(super) fn effects(values: &Values, library: &Library) -> Effects {
     let accept = match values.text("effects.accept") {
         "auto" => Accept::Auto,
         "none" => Accept::None,
         effect => Accept::Effect(effect.to_owned()),
     };
-    Effects { accept, active: values.numbers_under("effects.active") }
+    Effects { accept, active: values.numbers_under("effects.active"), library: library.clone() }
 }

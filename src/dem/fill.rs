@@ -33,6 +33,7 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
     let (mut volume, mut attempts) = (0.0, 0_u64);
     let mut sizes = Stream::new(seed, "sizes");
     let mut radius = setup.grains.size.draw(&mut sizes);
+    let mut fine_volume = 0.0;
     while volume < setup.fill.volume {
         let height = setup.fill.base + step * attempts as f64;
         if height > setup.domain.upper[2] {
@@ -42,7 +43,14 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
         attempts += 1;
         if inserter.attempt(height, radius) {
             volume += sphere_volume(radius);
-            radius = setup.grains.size.draw(&mut sizes);
+            // A fine grain whenever there are too few of them so far; the stream of the others goes on as without.
+            radius = match setup.grains.fines.filter(|fines| fine_volume < fines.fraction * volume) {
+                Some(fines) => {
+                    fine_volume += sphere_volume(fines.radius);
+                    fines.radius
+                }
+                None => setup.grains.size.draw(&mut sizes),
+            };
         }
     }
     let mut grains = inserter.grains;

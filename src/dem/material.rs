@@ -35,7 +35,7 @@ pub fn collision_time(mass: f64, stiffness: f64) -> f64 {
 ///
 /// The smallest *possible* grain, not the smallest drawn, so that the step follows from the settings alone.
 pub fn time_step(setup: &Setup) -> f64 {
-    let mass = sphere_mass(setup.grains.density, setup.grains.size.smallest());
+    let mass = sphere_mass(setup.grains.density, setup.grains.smallest());
     setup.time_step_fraction * collision_time(mass, setup.contact.stiffness)
 }
 

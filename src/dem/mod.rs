@@ -14,6 +14,7 @@
 pub mod bridges;
 mod checkpoint;
 mod contact;
+mod drag;
 mod fill;
 mod forces;
 mod grid;
@@ -40,7 +41,7 @@ pub use outcome::{Energies, EventRecord, Failure, Outcome, State, Stop, TracePoi
 pub use particles::Grain;
 pub use run::{Simulation, simulate, simulate_within};
 pub use setup::{
-    Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Region, Setup, Shape,
+    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Region, Setup, Shape,
     StopRule, Trace, Vec3, Wall, WallSpecies,
 };
 pub use sizes::SizeDistribution;

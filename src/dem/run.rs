@@ -216,6 +216,10 @@ fn act(world: &mut World, action: &Action) -> Result<usize, Failure> {
             world.delete_above(*height, *reference)
         }
         Action::RemoveWall { name } => world.remove_wall(name).map(|_| 0),
+        Action::SetGravity { gravity } => {
+            world.set_gravity(*gravity);
+            Ok(0)
+        }
         Action::MoveWall { name, velocity } => world.move_wall(name, *velocity).map(|_| 0),
     }
 }

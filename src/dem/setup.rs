@@ -49,6 +49,26 @@ pub struct Grains {
     pub sliding_spread: f64,
     /// Coefficient of variation of each grain's own rolling friction (lognormal, mean kept) [-]; 0 is off.
     pub rolling_spread: f64,
+    /// Grains below the distribution's lower cut, besides.
+    pub fines: Option<Fines>,
+    /// ½ C_d ρ_air of the drag ½ C_d ρ_air π R² v² against a grain's velocity [kg/m³]; 0 is off.
+    pub drag: f64,
+}
+
+/// Grains of one small size among the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fines {
+    /// Their mass over the mass of all grains [-], below 1.
+    pub fraction: f64,
+    /// Their radius [m].
+    pub radius: f64,
+}
+
+impl Grains {
+    /// Smallest possible radius [m].
+    pub fn smallest(&self) -> f64 {
+        self.fines.map_or(self.size.smallest(), |fines| fines.radius.min(self.size.smallest()))
+    }
 }
 
 /// Linear visco-elastic contact with sliding and rolling springs (Luding 2008; paper, Table 4).
@@ -218,6 +238,11 @@ pub enum Action {
         /// Name of the wall.
         name: String,
     },
+    /// Changes gravity: in the frame of a vessel that is lifted, dropped or shaken, the grains feel its acceleration.
+    SetGravity {
+        /// Gravity from now on [m/s²].
+        gravity: Vec3,
+    },
     /// Lets the wall of that name move at a constant velocity from now on (zero stops it).
     MoveWall {
         /// Name of the wall.
@@ -308,6 +333,8 @@ impl Default for Grains {
             density: 2750.0,
             sliding_spread: 0.0,
             rolling_spread: 0.0,
+            fines: None,
+            drag: 0.0,
         }
     }
 }

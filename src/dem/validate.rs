@@ -57,7 +57,12 @@ fn grains(setup: &Setup) -> Result<(), Failure> {
     }
     positive("particle density", setup.grains.density)?;
     not_negative("sliding friction spread", setup.grains.sliding_spread)?;
-    not_negative("rolling friction spread", setup.grains.rolling_spread)
+    not_negative("rolling friction spread", setup.grains.rolling_spread)?;
+    not_negative("drag", setup.grains.drag)?;
+    let Some(fines) = setup.grains.fines else { return Ok(()) };
+    positive("radius of the fines", fines.radius)?;
+    let share = (0.0..1.0).contains(&fines.fraction);
+    require(share, || format!("the fraction of fines is {}", fines.fraction), "give a number from 0 to below 1")
 }
 
 fn contact(setup: &Setup) -> Result<(), Failure> {
@@ -140,6 +145,10 @@ fn events(setup: &Setup) -> Result<(), Failure> {
                 || format!("an event names wall `{name}`, known are: {}", names()),
                 "use one of these names",
             )?;
+        }
+        if let Action::SetGravity { gravity } = &event.action {
+            let what = || "a gravity to come is not finite".to_owned();
+            require(gravity.iter().all(|g| g.is_finite()), what, "give three finite numbers")?;
         }
         if let Action::MoveWall { name, velocity } = &event.action {
             let what = || format!("velocity of wall `{name}` is not finite");

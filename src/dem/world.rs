@@ -8,6 +8,7 @@
 use super::bridges::{self, Bridges, PairBridges};
 use super::checkpoint::Stored;
 use super::contact::{Coefficients, Constants, implicit};
+use super::drag;
 use super::forces::{AcrossForces, MAX_OVERLAP, PairForces, WallForces};
 use super::grid::Grid;
 use super::integrate::Integration;
@@ -33,6 +34,7 @@ pub struct World {
     pub(super) bridges: Option<Bridges>,
     pub(super) gravity: Vec3,
     density: f64,
+    drag: f64,
     domain: Region,
     /// Ends of the period in y [m].
     pub(super) period: Option<[f64; 2]>,
@@ -90,6 +92,7 @@ impl World {
             bridges: Bridges::new(setup),
             gravity: setup.gravity,
             density: setup.grains.density,
+            drag: setup.grains.drag,
             domain: setup.domain,
             period: setup.periodic,
             time_step,
@@ -108,6 +111,7 @@ impl World {
         self.steps.put(out);
         self.lost.put(out);
         self.rebuilds.put(out);
+        self.gravity.put(out);
         self.grains.put(out);
         self.pairs.put(out);
         self.contacts.put(out);
@@ -121,6 +125,7 @@ impl World {
         world.steps = Stored::take(input)?;
         world.lost = Stored::take(input)?;
         world.rebuilds = Stored::take(input)?;
+        world.gravity = Stored::take(input)?;
         world.grains = Stored::take(input)?;
         world.pairs = Stored::take(input)?;
         world.contacts = Stored::take(input)?;
@@ -262,6 +267,9 @@ impl World {
             }
             bridges::add_walls(&mut self.grains, &mut self.contacts, &self.rivals, &self.walls, law);
         }
+        if self.drag > 0.0 {
+            drag::add(&mut self.grains, self.drag);
+        }
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
     }
 
@@ -289,6 +297,11 @@ impl World {
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn remove_wall(&mut self, name: &str) -> Result<bool, Failure> {
         self.change_walls(name, |wall| wall.active = false)
+    }
+
+    /// Changes gravity from the next step on; lists stay good, because no grain may outrun its skin unnoticed.
+    pub fn set_gravity(&mut self, gravity: Vec3) {
+        self.gravity = gravity;
     }
 
     /// Lets a wall move, or a mesh as a whole; tells whether there is one of that name.

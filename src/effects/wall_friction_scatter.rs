@@ -3,7 +3,7 @@
 //! factor = exp(σz − σ²/2), σ² = ln(1 + η²), z standard normal: mean 1, coefficient of variation η, never negative.
 //! One z per repetition, because the walls of one test wear together.
 
-use super::Effect;
+use super::{Effect, lognormal};
 use crate::rng::Stream;
 use crate::settings::{Settings, SettingsError, WALL_FRICTIONS};
 
@@ -31,9 +31,12 @@ impl Effect for WallFrictionScatter {
         "paper, Table 1: coefficients of variation of 10 to 22 %"
     }
 
+    fn is_scatter(&self) -> bool {
+        true
+    }
+
     fn apply(&self, strength: f64, settings: &mut Settings, stream: &mut Stream) -> Result<(), SettingsError> {
-        let variance = libm::log(1.0 + strength * strength);
-        let factor = libm::exp(variance.sqrt() * stream.normal() - 0.5 * variance);
+        let factor = lognormal(strength, stream);
         WALL_FRICTIONS.iter().try_for_each(|name| settings.scale(name, factor))
     }
 }

@@ -3,11 +3,13 @@
 use super::SetupError;
 use super::profile::DEGREES;
 use crate::dem::{
-    Action, ContactLaw, Damping, Event, Fill, FillArea, Grains, LiquidBridges, Reference, Shape, SizeDistribution,
-    Vec3, Wall, WallSpecies,
+    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Shape,
+    SizeDistribution, Vec3, Wall, WallSpecies,
 };
 use crate::settings::{SIEVES, Settings, spec};
 
+/// Density of air at 20 °C [kg/m³].
+const AIR_DENSITY: f64 = 1.2;
 /// Loosest insertion that is expected: grain volume over volume of the cloud; the apparatus is as tall as that needs.
 const LOOSEST_CLOUD: f64 = 0.08;
 
@@ -17,7 +19,9 @@ pub fn grains(settings: &Settings, scale: f64) -> Grains {
         size: sizes(settings, scale),
         density: settings["particle_density"],
         sliding_spread: settings["friction_spread_cv"],
-        rolling_spread: settings["friction_spread_cv"],
+        rolling_spread: rolling_spread(settings),
+        fines: fines(settings, scale),
+        drag: 0.5 * AIR_DENSITY * settings["drag_coefficient"],
     }
 }
 
@@ -38,6 +42,18 @@ fn sizes(settings: &Settings, scale: f64) -> SizeDistribution {
     } else {
         SizeDistribution::TruncatedNormal { mean, sd, below, above }
     }
+}
+
+/// Variation of a product of two independent lognormal factors, √((1 + a²)(1 + b²) − 1).
+fn rolling_spread(settings: &Settings) -> f64 {
+    let (both, alone) = (settings["friction_spread_cv"], settings["rolling_spread_cv"]);
+    if alone == 0.0 { both } else { ((1.0 + both * both) * (1.0 + alone * alone) - 1.0).sqrt() }
+}
+
+fn fines(settings: &Settings, scale: f64) -> Option<Fines> {
+    let fraction = settings["fines_fraction"];
+    let smallest = settings["radius_mean"] - settings["radius_cut_below"] * settings["radius_sd"];
+    (fraction > 0.0).then(|| Fines { fraction, radius: settings["fines_size"] * smallest * scale })
 }
 
 /// Contact law; k_p ∝ r by eq. 1, so it carries the same scale as the radii.
@@ -129,9 +145,15 @@ pub fn deletion(settings: &Settings, time: f64, height: f64) -> Event {
     Event { time, action: Action::DeleteAbove { height, reference, level: true } }
 }
 
-/// Opening by taking the wall `name` away.
-pub fn removal(time: f64, name: &str) -> Event {
-    Event { time, action: Action::RemoveWall { name: name.to_owned() } }
+/// Opening: the wall `name` is pulled by `travel` [m] within the time of the release, then it is gone.
+pub fn release(settings: &Settings, time: f64, name: &str, travel: Vec3) -> Vec<Event> {
+    let (name, duration) = (name.to_owned(), settings["release_duration"]);
+    let removal = Event { time: time + duration, action: Action::RemoveWall { name: name.clone() } };
+    if duration == 0.0 {
+        return vec![removal];
+    }
+    let velocity = travel.map(|length| length / duration);
+    vec![Event { time, action: Action::MoveWall { name, velocity } }, removal]
 }
 
 /// Checks that of each pair of settings the first is below the second.

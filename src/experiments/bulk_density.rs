@@ -17,7 +17,7 @@
 
 use super::build;
 use super::{Experiment, Measurement, Observable, Reason, SetupError, extra, kpi};
-use crate::dem::{FillArea, Region, Setup, Shape, State, StopRule, TracePoint, Wall};
+use crate::dem::{Action, Event, FillArea, Region, Setup, Shape, State, StopRule, TracePoint, Wall};
 use crate::settings::Settings;
 
 const OBSERVABLES: &[Observable] = &[
@@ -44,7 +44,9 @@ impl Experiment for BulkDensity {
         let (radius, height) = (settings["bulk_density.radius"], settings["bulk_density.fill_height"]);
         let fill = build::fill(settings, FillArea::Disc { axis: [0.0; 2], radius }, 0.0, ground(settings) * height);
         let top = build::top(&fill, ground(settings), &grains);
-        let deletion = settings["bulk_density.deletion_time"];
+        let (mut events, tapped) = taps(settings);
+        let deletion = settings["bulk_density.deletion_time"] + tapped;
+        events.push(build::deletion(settings, deletion, height));
         Ok(Setup {
             contact: build::contact(settings, scale(settings)),
             bridges: build::bridges(settings),
@@ -52,12 +54,12 @@ impl Experiment for BulkDensity {
             time_step_fraction: settings["time_step_fraction"],
             walls: walls(settings, radius),
             fill,
-            events: vec![build::deletion(settings, deletion, height)],
+            events,
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
                 empty: None,
                 check_after: deletion,
-                time_cap: settings["bulk_density.time_cap"],
+                time_cap: settings["bulk_density.time_cap"] + tapped,
             },
             domain: Region { lower: [-2.0 * radius, -2.0 * radius, -radius], upper: [2.0 * radius, 2.0 * radius, top] },
             periodic: None,
@@ -76,6 +78,32 @@ impl Experiment for BulkDensity {
         let values = [of_grains(weighed / reference_volume(settings)), of_grains(count), of_grains(weighed / count)];
         OBSERVABLES.iter().map(|observable| observable.name).zip(values).collect()
     }
+}
+
+/// Time in which a dropped cylinder is stopped by the bench [s].
+const IMPACT: f64 = 5e-3;
+/// Rest after each drop [s].
+const REST: f64 = 0.05;
+
+/// Drops of the cylinder before it is struck off, and the time they take [s]. In its own frame the grains weigh nothing
+/// while it falls, for √(2h/g), and the more for as long as the bench stops it: (1 + √(2h/g)/IMPACT) g.
+fn taps(settings: &Settings) -> (Vec<Event>, f64) {
+    let (height, gravity) = (settings["bulk_density.tap_height"], settings["gravity"]);
+    if height == 0.0 || gravity == 0.0 {
+        return (Vec::new(), 0.0);
+    }
+    let fall = (2.0 * height / gravity).sqrt();
+    let cycle = fall + IMPACT + REST;
+    let felt = |time: f64, factor: f64| {
+        let gravity = build::gravity(settings).map(|g| factor * g);
+        Event { time: settings["bulk_density.deletion_time"] + time, action: Action::SetGravity { gravity } }
+    };
+    let drops = settings["bulk_density.taps"] as usize;
+    let drop = |i: usize| {
+        let start = i as f64 * cycle;
+        [felt(start, 0.0), felt(start + fall, 1.0 + fall / IMPACT), felt(start + fall + IMPACT, 1.0)]
+    };
+    ((0..drops).flat_map(drop).collect(), drops as f64 * cycle)
 }
 
 /// Factor on every radius.

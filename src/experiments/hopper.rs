@@ -59,15 +59,18 @@ impl Experiment for Hopper {
             time_step_fraction: settings["time_step_fraction"],
             walls: walls(settings),
             fill,
-            events: vec![
-                build::deletion(settings, settings["hopper.deletion_time"], settings["hopper.fill_height"]),
-                build::removal(release, "gate"),
-            ],
+            events: std::iter::once(build::deletion(
+                settings,
+                settings["hopper.deletion_time"],
+                settings["hopper.fill_height"],
+            ))
+            .chain(build::release(settings, release, "gate", [0.0, -depth, 0.0]))
+            .collect(),
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
                 empty: Some(inside),
-                check_after: release + settings["hopper.check_delay"],
-                time_cap: settings["hopper.time_cap"],
+                check_after: release + settings["release_duration"] + settings["hopper.check_delay"],
+                time_cap: settings["hopper.time_cap"] + settings["release_duration"],
             },
             // A grain this far below the outlet touches nothing any more.
             domain: Region { lower: [inside.lower[0], -depth, -2.0 * grains.size.largest()], upper: inside.upper },

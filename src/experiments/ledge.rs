@@ -69,15 +69,18 @@ impl Experiment for Ledge {
             time_step_fraction: settings["time_step_fraction"],
             walls: walls(settings, top),
             fill,
-            events: vec![
-                build::deletion(settings, settings["ledge.deletion_time"], settings["ledge.fill_height"]),
-                build::removal(release, "gate"),
-            ],
+            events: std::iter::once(build::deletion(
+                settings,
+                settings["ledge.deletion_time"],
+                settings["ledge.fill_height"],
+            ))
+            .chain(build::release(settings, release, "gate", [0.0, 0.0, settings["ledge.fill_height"]]))
+            .collect(),
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
                 empty: None,
-                check_after: release + settings["ledge.check_delay"],
-                time_cap: settings["ledge.time_cap"],
+                check_after: release + settings["release_duration"] + settings["ledge.check_delay"],
+                time_cap: settings["ledge.time_cap"] + settings["release_duration"],
             },
             domain: Region { lower: [-length, -depth, -clear], upper: [outside, 2.0 * depth, top] },
             periodic: None,

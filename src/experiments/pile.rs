@@ -68,15 +68,18 @@ impl Experiment for Pile {
             time_step_fraction: settings["time_step_fraction"],
             walls: walls(settings, top),
             fill,
-            events: vec![
-                build::deletion(settings, settings["pile.deletion_time"], drop + settings["pile.fill_height"]),
-                build::removal(release, "gate"),
-            ],
+            events: std::iter::once(build::deletion(
+                settings,
+                settings["pile.deletion_time"],
+                drop + settings["pile.fill_height"],
+            ))
+            .chain(build::release(settings, release, "gate", [0.0, -depth, 0.0]))
+            .collect(),
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
                 empty: None,
-                check_after: release + settings["pile.check_delay"],
-                time_cap: settings["pile.time_cap"],
+                check_after: release + settings["release_duration"] + settings["pile.check_delay"],
+                time_cap: settings["pile.time_cap"] + settings["release_duration"],
             },
             domain: Region { lower: [-side, -depth, -drop], upper: [side, 2.0 * depth, top] },
             periodic: None,

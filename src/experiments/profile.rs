@@ -187,7 +187,7 @@ impl View {
 /// Ranges of y the view looks at, one after the other.
 fn layers(settings: &Settings, depth: f64, diameter: f64) -> Vec<(f64, f64)> {
     if settings.is("slope_operator", "slices") {
-        slices(depth, diameter)
+        slices(depth, settings["slice_thickness"] * diameter)
     } else if settings.is("slope_operator", "silhouette") {
         vec![(f64::NEG_INFINITY, f64::INFINITY)]
     } else {
@@ -195,10 +195,10 @@ fn layers(settings: &Settings, depth: f64, diameter: f64) -> Vec<(f64, f64)> {
     }
 }
 
-/// As many equal slices as whole diameters in the depth, at least one; the outer ones have no outer bound, because a
+/// As many equal slices as whole thicknesses in the depth, at least one; the outer ones have no outer bound, because a
 /// grain pressed against a plate overlaps it.
-fn slices(depth: f64, diameter: f64) -> Vec<(f64, f64)> {
-    let count = ((depth / diameter) as usize).max(1);
+fn slices(depth: f64, thickness: f64) -> Vec<(f64, f64)> {
+    let count = ((depth / thickness) as usize).max(1);
     let edge = |i: usize| match i {
         0 => f64::NEG_INFINITY,
         i if i == count => f64::INFINITY,

@@ -99,6 +99,7 @@ pub fn part(code: &str) -> (String, Tone) {
         "named" | "class" | "pair" => (label(code), Tone::Strong),
         "absorbed" => ("absorbed by calibration".to_string(), Tone::Muted),
         "unresolved" => ("signature not resolved".to_string(), Tone::Muted),
+        "left_out" => ("left out of the library".to_string(), Tone::Muted),
         "not_testable" => ("not testable with these data".to_string(), Tone::Muted),
         other => (label(other), Tone::Plain),
     }

@@ -1,6 +1,6 @@
 //! Settings of the four apparatuses: dimensions, times and stops.
 
-use super::spec::SettingSpec;
+use super::spec::{PLATES, SettingSpec};
 
 const TABLE_5: &str = "paper, Table 5";
 const SECTION_2_1: &str = "paper, section 2.1";
@@ -240,6 +240,34 @@ pub const APPARATUS: &[SettingSpec] = &[
         METHOD,
     )
     .assumed(),
+    SettingSpec::number(
+        "bulk_density.tap_height",
+        "m",
+        (0.0, 0.0, 0.05),
+        DENSITY,
+        "height from which the cylinder is dropped, again and again, before it is struck off; 0 = not at all",
+        "absent in the paper; tapping devices drop by 3 mm (EN ISO 787-11)",
+    )
+    .silent(),
+    SettingSpec::number(
+        "bulk_density.taps",
+        "1",
+        (5.0, 1.0, 1000.0),
+        DENSITY,
+        "number of drops from tap_height",
+        "a few knocks against the bench",
+    )
+    .assumed()
+    .silent(),
+    SettingSpec::number(
+        "release_duration",
+        "s",
+        (0.0, 0.0, 10.0),
+        PLATES,
+        "time in which gate or wall is pulled away at constant speed; 0 = it vanishes",
+        "absent in the paper's model",
+    )
+    .silent(),
     SettingSpec::number("hopper.width", "m", (0.602, 0.02, 20.0), HOPPER, "inner width of the bin", SECTION_2_2),
     SettingSpec::number(
         "hopper.depth",

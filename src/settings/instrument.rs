@@ -36,6 +36,17 @@ pub const INSTRUMENT: &[SettingSpec] = &[
     .measured()
     .assumed(),
     SettingSpec::number(
+        "slice_thickness",
+        "1",
+        (1.0, 0.1, 100.0),
+        SLOPES,
+        "thickness of a depth slice in mean diameters",
+        "one grain",
+    )
+    .measured()
+    .assumed()
+    .silent(),
+    SettingSpec::number(
         "bin_width",
         "1",
         (1.0, 0.2, 10.0),

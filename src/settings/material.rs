@@ -20,12 +20,12 @@ const ABSENT: &str = "absent in the paper";
 
 const fn sieve_size(number: usize) -> SettingSpec {
     let meaning = "opening of a sieve of the curve, smallest first; 0 = there is no such sieve";
-    SettingSpec::number(SIEVES[number].0, "m", (0.0, 0.0, 0.2), ALL, meaning, ABSENT).later()
+    SettingSpec::number(SIEVES[number].0, "m", (0.0, 0.0, 0.2), ALL, meaning, ABSENT).silent()
 }
 
 const fn sieve_finer(number: usize) -> SettingSpec {
     let meaning = "share of the mass that passes the sieve of that number; 0 at the first, 1 at the last";
-    SettingSpec::number(SIEVES[number].1, "1", (0.0, 0.0, 1.0), ALL, meaning, ABSENT).later()
+    SettingSpec::number(SIEVES[number].1, "1", (0.0, 0.0, 1.0), ALL, meaning, ABSENT).silent()
 }
 
 /// Material and method, shared by the experiments.
@@ -62,6 +62,53 @@ pub const MATERIAL: &[SettingSpec] = &[
         "coefficient of variation of friction from grain to grain (lognormal); 0 = all grains alike",
         "absent in the paper",
     ),
+    SettingSpec::number(
+        "rolling_spread_cv",
+        "1",
+        (0.0, 0.0, 1.0),
+        ALL,
+        "coefficient of variation of rolling friction alone from grain to grain, besides friction_spread_cv",
+        "absent in the paper",
+    )
+    .silent(),
+    SettingSpec::number(
+        "fines_fraction",
+        "1",
+        (0.0, 0.0, 0.5),
+        ALL,
+        "mass of grains below the lower cut over the mass of all grains",
+        "absent in the paper, whose distribution is cut",
+    )
+    .silent(),
+    SettingSpec::number(
+        "fines_size",
+        "1",
+        (0.7, 0.2, 1.0),
+        ALL,
+        "radius of the fines over the smallest radius of the cut distribution; sets the time step where there are fines",
+        "one sieve of the R20/3 series below the cut",
+    )
+    .assumed()
+    .silent(),
+    SettingSpec::number(
+        "drag_coefficient",
+        "1",
+        (0.0, 0.0, 10.0),
+        ALL,
+        "drag coefficient of a grain in still air of 1.2 kg/m3, force C_d rho A v^2/2; 0 = vacuum",
+        "absent in the paper; a sphere has 0.44",
+    )
+    .silent(),
+    SettingSpec::number(
+        "series_length",
+        "1",
+        (50.0, 2.0, 1e5),
+        ALL,
+        "repetitions of one laboratory series; what drifts is as measured in its middle and begins anew after its end",
+        "paper, section 2.1: 50 repetitions",
+    )
+    .of_series()
+    .silent(),
     SettingSpec::number(
         "radius_mean",
         "m",
@@ -103,7 +150,7 @@ pub const MATERIAL: &[SettingSpec] = &[
          is 1 - exp(-(d/size)^exponent); all three cut as the radii are; sieve: a curve of up to six sieves, by mass",
         "normal: paper, section 3.1",
     )
-    .later(),
+    .silent(),
     SettingSpec::number(
         "rosin_rammler_size",
         "m",
@@ -112,8 +159,8 @@ pub const MATERIAL: &[SettingSpec] = &[
         "diameter below which 63.2 % of the mass lies",
         ABSENT,
     )
-    .later(),
-    SettingSpec::number("rosin_rammler_exponent", "1", (4.0, 0.5, 50.0), ALL, "the larger, the narrower", ABSENT).later(),
+    .silent(),
+    SettingSpec::number("rosin_rammler_exponent", "1", (4.0, 0.5, 50.0), ALL, "the larger, the narrower", ABSENT).silent(),
     sieve_size(0),
     sieve_finer(0),
     sieve_size(1),

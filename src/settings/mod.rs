@@ -131,12 +131,10 @@ impl Settings {
     }
 
     /// The settings of one scope that `experiment` reads, sorted by name: what enters the key of a run (simulate) or
-    /// of its KPIs (measure). Settings that came later are among them only where they differ from their default.
+    /// of its KPIs (measure). Silent ones are among them only where they differ from their default.
     pub fn for_experiment(&self, experiment: &str, scope: Scope) -> Vec<(&'static str, f64)> {
-        let matters = |spec: &&SettingSpec| !spec.later || self.value(spec) != spec.default_value();
         let mut list: Vec<_> = specs()
-            .filter(|spec| spec.scope == scope && spec.is_used_by(experiment))
-            .filter(matters)
+            .filter(|spec| spec.scope == scope && spec.is_used_by(experiment) && spec.is_told(self.value(spec)))
             .map(|spec| (spec.name, self.value(spec)))
             .collect();
         list.sort_unstable_by_key(|(name, _)| *name);
@@ -232,10 +230,8 @@ mod tests {
             let measure = settings.for_experiment(experiment, Scope::Measure);
             assert!(simulate.is_sorted_by_key(|(name, _)| *name));
             assert!(simulate.iter().all(|(name, _)| !measure.iter().any(|(other, _)| other == name)));
-            assert_eq!(
-                simulate.len() + measure.len(),
-                specs().filter(|spec| spec.is_used_by(experiment) && !spec.later).count()
-            );
+            let told = |spec: &&SettingSpec| spec.is_used_by(experiment) && !spec.silent;
+            assert_eq!(simulate.len() + measure.len(), specs().filter(told).count());
         }
         let names = |experiment, scope| {
             settings.for_experiment(experiment, scope).into_iter().map(|(name, _)| name).collect::<Vec<_>>()
@@ -246,18 +242,17 @@ mod tests {
         assert!(!names("bulk_density", Scope::Simulate).contains(&"wall_friction_acrylic"));
     }
 
-    /// A later setting at its default leaves the key of a run as it was before the setting existed.
     #[test]
-    fn a_later_setting_enters_where_it_differs_from_its_default() {
+    fn a_silent_setting_is_told_only_away_from_its_default() {
         let mut settings = Settings::default();
-        let has = |settings: &Settings| {
-            settings.for_experiment("pile", Scope::Simulate).iter().any(|(name, _)| *name == "size_distribution")
+        let told = |settings: &Settings| {
+            settings.for_experiment("pile", Scope::Simulate).iter().any(|(name, _)| *name == "drag_coefficient")
         };
-        assert!(!has(&settings));
-        settings.set_text("size_distribution", "lognormal").unwrap();
-        assert!(has(&settings));
-        settings.set_text("size_distribution", "normal").unwrap();
-        assert!(!has(&settings));
+        assert!(!told(&settings));
+        settings.set("drag_coefficient", 0.4).unwrap();
+        assert!(told(&settings));
+        settings.set("drag_coefficient", -0.0).unwrap();
+        assert!(!told(&settings));
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub enum Scope {
     Simulate,
     /// Enters the key of the KPIs of a run, never that of the run itself.
     Measure,
+    /// Says how repetitions follow each other; enters no key, because what it does to a run changes other settings.
+    Series,
 }
 
 /// What values a setting takes.
@@ -56,9 +58,8 @@ pub struct SettingSpec {
     pub source: &'static str,
     /// True where the paper does not state the value and it is ours.
     pub assumption: bool,
-    /// True where the setting came when runs had keys already: it enters a key only where it differs from its default, which is
-    /// what those runs had, so that they keep their keys.
-    pub later: bool,
+    /// True where keys leave the setting out while it has its default, so that adding it to this list lost no run.
+    pub silent: bool,
 }
 
 impl SettingSpec {
@@ -72,7 +73,7 @@ impl SettingSpec {
         source: &'static str,
     ) -> Self {
         let kind = Kind::Number { default: range.0, lower: range.1, upper: range.2 };
-        Self { name, unit, kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false, later: false }
+        Self { name, unit, kind, scope: Scope::Simulate, used_by, meaning, source, assumption: false, silent: false }
     }
 
     /// A choice that shapes the simulation; the first option is the default.
@@ -93,7 +94,7 @@ impl SettingSpec {
             meaning,
             source,
             assumption: false,
-            later: false,
+            silent: false,
         }
     }
 
@@ -102,14 +103,19 @@ impl SettingSpec {
         Self { scope: Scope::Measure, ..self }
     }
 
+    /// The same setting, left out of keys while it has its default: for what came after the first runs were stored.
+    pub(super) const fn silent(self) -> Self {
+        Self { silent: true, ..self }
+    }
+
+    /// The same setting, about the order of repetitions.
+    pub(super) const fn of_series(self) -> Self {
+        Self { scope: Scope::Series, ..self }
+    }
+
     /// The same setting, marked as ours rather than the paper's.
     pub(super) const fn assumed(self) -> Self {
         Self { assumption: true, ..self }
-    }
-
-    /// The same setting, marked as one that came later; its default must leave every run as it was.
-    pub(super) const fn later(self) -> Self {
-        Self { later: true, ..self }
     }
 
     /// Value of the full-scale study; the index for a choice.
@@ -118,6 +124,11 @@ impl SettingSpec {
             Kind::Number { default, .. } => default,
             Kind::Choice { default, .. } => default as f64,
         }
+    }
+
+    /// Whether a key holds the setting at `value`.
+    pub fn is_told(&self, value: f64) -> bool {
+        !self.silent || value != self.default_value()
     }
 
     /// Whether `experiment` reads this setting.

@@ -203,7 +203,9 @@ impl Work<'_> {
             Approach::Mean => Mode::Mean,
             Approach::MeanVariance => Mode::MeanVariance,
         };
-        let priors = config.priors_of(&chain.measured).filter_map(|prior| {
+        let set = self.context.measured.iter().find(|set| set.name == chain.measured);
+        let known = set.map(|set| config.priors_of(set)).unwrap_or_default();
+        let priors = known.iter().filter_map(|prior| {
             let index = config.parameters.iter().position(|parameter| parameter.name == prior.parameter)?;
             let bounds = (config.parameters[index].lower, config.parameters[index].upper);
             Some(Prior::measured(index, prior.mean, prior.sd, prior.n as usize, bounds))

@@ -115,9 +115,11 @@ pub fn run_settings(config: &Config, experiments: &[&dyn Experiment]) -> Setting
         ("physics_version", dem::PHYSICS_VERSION.to_string()),
         ("kpi_version", KPI_VERSION.to_string()),
     ]);
-    settings.extend(config.settings_text(&["study.step_limit", "effects.active"]));
+    settings.extend(config.settings_text(&["study.step_limit"]));
+    settings.extend(config.active_text());
     settings.extend(config.setup_text(experiments, Scope::Simulate));
     settings.extend(config.setup_text(experiments, Scope::Measure));
+    settings.extend(config.setup_text(experiments, Scope::Series));
     settings
 }
 

@@ -24,7 +24,13 @@ pub fn requests(context: &Context, samples: &[SampleRow]) -> Result<Vec<Request>
     let base = config.base_settings();
     let mut points = points(samples)
         .into_iter()
-        .map(|(number, values)| Ok(Arc::new(Point::new(number, base, &values)?.with_effects(&config.effects.active))))
+        .map(|(number, values)| {
+            Ok(Arc::new(
+                Point::new(number, base, &values)?
+                    .knowing(&config.effects.library)
+                    .with_effects(&config.effects.active),
+            ))
+        })
         .collect::<Result<Vec<_>, StageError>>()?;
     points.sort_by_key(|point| point.number);
     let mut requests = Vec::new();

@@ -24,7 +24,8 @@ pub const STAGE: Stage = Stage {
 
 fn settings(config: &Config) -> SettingsText {
     let mut settings = text([("kpi_version", KPI_VERSION.to_string())]);
-    settings.extend(config.settings_text(&["experiments", "effects.active"]));
+    settings.extend(config.settings_text(&["experiments"]));
+    settings.extend(config.active_text());
     settings.extend(config.setup_text(&config.experiments(), Scope::Measure));
     settings
 }

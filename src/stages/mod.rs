@@ -20,6 +20,7 @@ mod validate;
 mod verify;
 
 pub use context::{Context, Outputs, StageError};
+pub use diagnose::{Panel, PanelRows};
 pub use report::{HTML as REPORT_HTML, SUMMARY as REPORT_SUMMARY};
 
 use crate::campaign::{CampaignError, Request};

@@ -40,7 +40,9 @@ pub fn points(context: &Context, optima: &[OptimumRow]) -> Result<BTreeMap<Name,
     values
         .into_iter()
         .map(|(name, values)| {
-            let point = Point::new(1, config.base_settings(), &values)?.with_effects(&config.effects.active);
+            let point = Point::new(1, config.base_settings(), &values)?
+                .knowing(&config.effects.library)
+                .with_effects(&config.effects.active);
             Ok((name, Arc::new(point)))
         })
         .collect()

@@ -29,7 +29,8 @@ fn settings(config: &Config) -> SettingsText {
         ("study.repetitions", config.study.repetitions.to_string()),
         ("physics_version", dem::PHYSICS_VERSION.to_string()),
     ]);
-    settings.extend(config.settings_text(&["study.step_limit", "experiments", "effects.active"]));
+    settings.extend(config.settings_text(&["study.step_limit", "experiments"]));
+    settings.extend(config.active_text());
     settings.extend(config.setup_text(&config.experiments(), Scope::Simulate));
     settings
 }

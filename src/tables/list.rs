@@ -468,7 +468,7 @@ table! {
         /// Strength at which the procedure names the effect (alone or in a class of at most three) in 90 % of cases;
         /// null where no strength of the physical range does.
         strength_90: Option<f64> ["see unit"],
-        /// Part the effect plays in the verdict: named, class, pair, rejected, absorbed, unresolved or not_testable.
+        /// Part the effect plays in the verdict: named, class, pair, rejected, absorbed, unresolved, not_testable or left_out.
         part: String ["1"],
     }
 }

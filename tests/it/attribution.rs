@@ -31,6 +31,7 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
         covariance: DMatrix::zeros(m, m),
         shift: DVector::zeros(3),
         testable: Ok(()),
+        absent: false,
     }
 }
 
@@ -269,6 +270,22 @@ fn a_signature_lost_in_its_own_error_is_not_resolved_and_never_named() {
     problem.candidates[2].testable = Err("no trend rows".into());
     let report = observe(&problem, &shift, 11);
     assert_eq!(report.effects[2].status, Status::NotTestable("no trend rows".into()));
+}
+
+/// What the full model fits best with none of it is rejected with its numbers, and still has a detection limit.
+#[test]
+fn an_effect_whose_best_strength_is_zero_is_rejected_with_its_numbers() {
+    let mut problem = world();
+    problem.residual =
+        calibrated(&problem, &(noise(&problem, &mut Stream::new(14, "absent")) + planted(&problem, 0, 6.0)));
+    problem.candidates[0].absent = true;
+    let options = Options { null_draws: 200, power_draws: 100, seed: 14, ..Options::default() };
+    let report = attribute(&problem, &options).expect("a valid problem");
+    let effect = &report.effects[0];
+    assert_eq!((&effect.status, effect.strength, effect.accepted), (&Status::Testable, 0.0, false));
+    assert!(effect.leftover == report.t0 && effect.strength_sd.is_finite() && effect.a > 0.0);
+    assert!(effect.detection.iter().any(|limit| limit.strength.is_some()), "{:?}", effect.detection);
+    assert!(!report.verdict.names().contains(&"cohesion"), "{:?}", report.verdict);
 }
 
 #[test]

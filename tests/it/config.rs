@@ -2,7 +2,8 @@
 //! what is wrong and what to do.
 
 use granulake::config::{
-    Accept, Approach, Config, MetamodelKind, Parameter, Problems, Resolution, Scale, schema, template,
+    Accept, Approach, Config, Measured, MeasuredSummary, MetamodelKind, Parameter, Problems, Resolution, Scale, schema,
+    template,
 };
 use granulake::effects::EFFECTS;
 use granulake::experiments::EXPERIMENTS;
@@ -27,6 +28,10 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn parse(text: &str) -> Result<Config, Problems> {
     Config::parse(text, Path::new("pipeline.toml"))
+}
+
+fn measured(name: &str) -> Measured {
+    Measured { name: name.to_owned(), values: vec![], summaries: vec![], properties: vec![], files: vec![] }
 }
 
 fn shipped(path: &str) -> Config {
@@ -69,9 +74,17 @@ fn the_full_study_is_the_papers() {
     assert_eq!((config.design.boundary_levels, config.design.interior, config.design.validation), (3, 100, 32));
     assert_eq!(config.verify.counts, [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 15, 20, 30, 40, 50]);
     assert_eq!(config.validate.repetitions, 5);
+    // What the paper leaves open and its published simulations decide (docs/physics.md); all else is its own or a default.
+    let chosen = [("damping_reading", "constant"), ("deletion_reference", "top"), ("pile.drop_height", "0.15")];
     for spec in specs() {
-        let value = config.base_settings().get(spec.name).unwrap();
-        assert_eq!(value.to_bits(), spec.default_value().to_bits(), "{} differs from the full-scale study", spec.name);
+        let settings = config.base_settings();
+        match chosen.iter().find(|(name, _)| *name == spec.name) {
+            Some((name, text)) => assert_eq!(settings.text(name).unwrap(), *text),
+            None => {
+                let value = settings.get(spec.name).unwrap();
+                assert_eq!(value.to_bits(), spec.default_value().to_bits(), "{} is not the paper's", spec.name);
+            }
+        }
     }
 }
 
@@ -203,12 +216,19 @@ fn priors_belong_to_a_data_set() {
         "[[prior]]\nparameter = \"particle_density\"\nmeasured = \"lab\"\nmean = \"2.3134 g/cm3\"\nsd = 30\nn = 10\n";
     let density = "[parameters.particle_density]\nlower = 2500\nupper = 2800\n";
     let config = parse(&format!("{MINIMAL}{density}{prior}")).unwrap();
-    let priors: Vec<_> = config.priors_of("lab").collect();
+    let priors: Vec<_> = config.priors_of(&measured("lab"));
     assert_eq!(
         (priors[0].parameter, priors[0].mean, priors[0].sd, priors[0].n),
         ("particle_density", 2313.4, 30.0, 10)
     );
-    assert_eq!(config.priors_of("other").count(), 0);
+    assert!(config.priors_of(&measured("other")).is_empty());
+    // What the data say of the grains is a prior of its own accord, but does not overrule the study.
+    let property = |kpi, mean| MeasuredSummary { experiment: "grains", kpi, unit: "1", mean, sd: 0.1, n: 4 };
+    let known = |name: &str, kpi| Measured { properties: vec![property(kpi, 0.3)], ..measured(name) };
+    assert_eq!(config.priors_of(&known("other", config.parameters[0].name))[0].mean, 0.3);
+    assert!(config.priors_of(&known("other", "damping")).is_empty(), "not calibrated");
+    assert_eq!(config.priors_of(&known("lab", config.priors[0].parameter)).len(), 1);
+    assert_ne!(config.priors_of(&known("lab", config.priors[0].parameter))[0].mean, 0.3);
 }
 
 /// Adds `text` to the smallest study.
@@ -480,4 +500,48 @@ fn the_schema_knows_every_setting_and_effect() {
     let active = &schema["properties"]["effects"]["properties"]["active"]["properties"];
     assert!(EFFECTS.iter().all(|effect| active[effect.name()].is_object()));
     assert_eq!(schema::text(), schema::text());
+}
+
+const DECLARED: &str = "[effects.drop]\nsetting = \"pile.drop_height\"\nkind = \"shift\"\nrange = [\"-50 mm\", 0.05]\n\
+                        source = \"a ruler\"\n[diagnose]\ncandidates = [\"drop\", \"cohesion\"]\n";
+
+#[test]
+fn a_study_declares_effects_of_its_own() {
+    let config =
+        parse(&format!("{MINIMAL}{DECLARED}[effects]\naccept = \"drop\"\n[effects.active]\ntilt = 1")).unwrap();
+    assert_eq!(config.diagnose.candidates, ["drop", "cohesion"]);
+    assert_eq!(config.effects.accept, Accept::Effect("drop".to_owned()));
+    let effect = config.effects.library.find("drop").unwrap();
+    assert_eq!((effect.range(), effect.unit()), ((-0.05, 0.05), "m"));
+    // Only those that are on, or may be named, enter the keys of the stages that see them.
+    assert!(!config.active_text().keys().any(|path| path.starts_with("effects.drop")));
+    let active = parse(&format!("{MINIMAL}{DECLARED}[effects.active]\ndrop = \"10 mm\"")).unwrap();
+    assert!(active.active_text().contains_key("effects.drop.range"));
+    assert_eq!(active.effects.active, [("drop".to_owned(), 0.01)]);
+    assert_eq!(active.diagnose.candidates, ["cohesion"]);
+    // \"all\" holds them too.
+    let all = parse(&format!("{MINIMAL}{}", DECLARED.replace("[\"drop\", \"cohesion\"]", "\"all\""))).unwrap();
+    assert!(all.diagnose.candidates.contains(&"drop".to_owned()) && all.diagnose.candidates.len() == EFFECTS.len() + 1);
+}
+
+#[test]
+fn wrong_declarations_are_refused_with_a_remedy() {
+    for (from, to, wanted) in [
+        ("pile.drop_height", "pile.drop_heigt", "the nearest name is `pile.drop_height`"),
+        ("pile.drop_height", "damping_reading", "is a choice between"),
+        ("effects.drop", "effects.tilt", "is built in; choose another name"),
+        ("effects.drop", "effects.Drop", "cannot name an effect"),
+        ("\"shift\"", "\"shove\"", "is not one of shift, scatter, drift"),
+        ("\"shift\"", "\"scatter\"", "a scatter is not negative"),
+        ("[\"-50 mm\", 0.05]", "[0.01, 0.05]", "must hold 0"),
+        ("[\"-50 mm\", 0.05]", "[\"-50 mm\", 9.0]", "narrow the range"),
+        ("[\"-50 mm\", 0.05]", "[\"-50 kg\", 0.05]", "kg"),
+        ("source = \"a ruler\"", "source = 3", "a text in quotes is expected"),
+        ("[effects.drop]\n", "[effects.drop]\nunit = \"m\"\n", "unknown key `unit`"),
+        ("[\"drop\", ", "[\"drip\", ", "did you mean `drop`?"),
+    ] {
+        assert!(DECLARED.contains(from), "{from}");
+        let problems = parse(&format!("{MINIMAL}{}", DECLARED.replace(from, to))).unwrap_err().to_string();
+        assert!(problems.contains(wanted), "{from} -> {to}: {problems}");
+    }
 }

@@ -417,7 +417,9 @@ fn an_experiment_reads_only_the_settings_that_enter_its_keys() {
     let settings = Settings::default();
     let (state, trace) = (heap(30.0, 28.0), [TracePoint { time: 0.0, mass: 1.0 }, TracePoint { time: 1.0, mass: 0.1 }]);
     for experiment in EXPERIMENTS {
-        let read = |scope| settings.for_experiment(experiment.name(), scope).into_iter().map(|(name, _)| name);
+        let read = |scope| {
+            specs().filter(move |spec| spec.scope == scope && spec.is_used_by(experiment.name())).map(|spec| spec.name)
+        };
         let simulated: Vec<&str> = read(Scope::Simulate).collect();
         let known: Vec<&str> = read(Scope::Measure).chain(simulated.clone()).collect();
         let (setup, measured) = (experiment.setup(&settings).unwrap(), experiment.measure(&settings, &state, &trace));

@@ -1,6 +1,7 @@
 //! The integration tests: one binary, one module per subject.
 
 mod attribution;
+mod challenge;
 mod closed_loop;
 mod config;
 mod diff;

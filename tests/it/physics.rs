@@ -4,12 +4,13 @@
 
 use granulake::dem::material::{damping_ratio, sphere_mass, time_step};
 use granulake::dem::{
-    Action, ContactLaw, Damping, Event, Fill, FillArea, Grain, Grains, LiquidBridges, Partner, Reference, Region,
-    Setup, Shape, SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies, World, simulate,
+    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grain, Grains, LiquidBridges, Partner, Reference,
+    Region, Setup, Shape, SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies, World, simulate,
 };
 use std::f64::consts::PI;
 
 mod bridges;
+mod changes;
 mod checkpoint;
 mod many;
 mod oblique;

@@ -3,7 +3,8 @@
 //! Takes a CSV or Parquet file, or a folder of them; gives values in SI (angles in degrees) that are known to be right,
 //! or every problem with file, line and remedy. Single values have the columns experiment, repetition, kpi, value, unit;
 //! summaries have experiment, kpi, mean, sd, n, unit; the header decides, and a column `note` may stand in both. `kpi`
-//! is any observable of the experiment, so the extra observables of a test stand beside its KPI.
+//! is any observable of the experiment, so the extra observables of a test stand beside its KPI. What was measured on the
+//! grains themselves has `grains` for an experiment and a setting for a kpi; of a calibrated parameter it is a prior.
 //! Deliberately repairs nothing: a row is taken as it stands or refused.
 
 mod raw;
@@ -12,6 +13,7 @@ mod rows;
 mod tests;
 
 use super::problem::{Place, Problem, Problems};
+use crate::settings;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -54,6 +56,8 @@ pub struct Measured {
     pub values: Vec<MeasuredValue>,
     /// Published summaries, sorted by experiment and kpi.
     pub summaries: Vec<MeasuredSummary>,
+    /// Properties of the grains that were measured by themselves, such as the particle density; `kpi` is the setting.
+    pub properties: Vec<MeasuredSummary>,
     /// The files it was read from, sorted, for content digests.
     pub files: Vec<PathBuf>,
 }
@@ -73,7 +77,21 @@ impl Measured {
             }
         }
         let (values, summaries) = collector.finish()?;
-        Ok(Self { name: name.to_owned(), values, summaries, files })
+        Ok(Self::new(name, values, summaries, files))
+    }
+
+    fn new(name: &str, values: Vec<MeasuredValue>, summaries: Vec<MeasuredSummary>, files: Vec<PathBuf>) -> Self {
+        let (weighed, values): (Vec<_>, Vec<_>) =
+            values.into_iter().partition(|value| value.experiment == rows::GRAINS);
+        let (known, summaries): (Vec<_>, Vec<_>) =
+            summaries.into_iter().partition(|summary| summary.experiment == rows::GRAINS);
+        let grains = Self { name: String::new(), values: weighed, summaries: known, properties: vec![], files: vec![] };
+        Self { name: name.to_owned(), values, summaries, properties: grains.statistics(), files }
+    }
+
+    /// The repetition and the value of every single value of one observable, in the order of the repetitions.
+    pub fn series_of(&self, kpi: &str) -> Vec<(u32, f64)> {
+        self.values.iter().filter(|value| value.kpi == kpi).map(|value| (value.repetition, value.value)).collect()
     }
 
     /// Mean, standard deviation and n of every observable, sorted by experiment and kpi: published, or computed from
@@ -117,7 +135,8 @@ fn summarise(experiment: &'static str, kpi: &'static str, values: &[f64]) -> Mea
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
-    let unit = rows::observable(experiment, kpi).map_or("1", |observable| observable.unit);
+    let of_grains = || settings::spec(kpi).ok().filter(|_| experiment == rows::GRAINS).map(|spec| spec.unit);
+    let unit = rows::observable(experiment, kpi).map(|observable| observable.unit).or_else(of_grains).unwrap_or("1");
     MeasuredSummary { experiment, kpi, unit, mean, sd: (squares / (n - 1.0)).sqrt(), n: values.len() as u32 }
 }
 

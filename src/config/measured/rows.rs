@@ -5,12 +5,16 @@ use super::{MeasuredSummary, MeasuredValue, summarise};
 use crate::config::nearest::suggestion;
 use crate::config::problem::{Place, Problem, Problems};
 use crate::experiments::{EXPERIMENTS, Observable};
+use crate::settings::{self, Kind, Scope, SettingSpec};
 use crate::units;
 use std::collections::BTreeMap;
 
 const VALUE_COLUMNS: &[&str] = &["experiment", "repetition", "kpi", "value", "unit"];
 const SUMMARY_COLUMNS: &[&str] = &["experiment", "kpi", "mean", "sd", "n", "unit"];
 const FREE_COLUMN: &str = "note";
+
+/// Stands where an experiment does for what was measured on the grains themselves.
+pub const GRAINS: &str = "grains";
 
 /// Experiment and observable.
 type Quantity = (&'static str, &'static str);
@@ -213,7 +217,10 @@ impl Row<'_> {
     /// Experiment, observable and its unit.
     fn quantity(&self) -> Result<(Quantity, &'static str), Problem> {
         let (experiment, kpi) = (self.cell("experiment"), self.cell("kpi"));
-        let names: Vec<_> = EXPERIMENTS.iter().map(|known| known.name()).collect();
+        if experiment == GRAINS {
+            return self.property(kpi);
+        }
+        let names: Vec<_> = EXPERIMENTS.iter().map(|known| known.name()).chain([GRAINS]).collect();
         let unknown =
             || self.problem(format!("no experiment is called `{experiment}`; {}", suggestion(experiment, &names)));
         let found = EXPERIMENTS.iter().find(|known| known.name() == experiment).ok_or_else(unknown)?;
@@ -226,6 +233,16 @@ impl Row<'_> {
         };
         let observable = found.observables().iter().find(|known| known.name == kpi).ok_or_else(stranger)?;
         Ok(((found.name(), observable.name), observable.unit))
+    }
+
+    /// A property of the grains that was measured by itself: a setting of the model, with its unit.
+    fn property(&self, name: &str) -> Result<(Quantity, &'static str), Problem> {
+        let number = |spec: &&SettingSpec| matches!(spec.kind, Kind::Number { .. }) && !spec.name.contains('.');
+        let known: Vec<_> = settings::specs().filter(number).filter(|spec| spec.scope == Scope::Simulate).collect();
+        let names: Vec<_> = known.iter().map(|spec| spec.name).collect();
+        let stranger = || self.problem(format!("{GRAINS} have no property `{name}`; {}", suggestion(name, &names)));
+        let spec = known.into_iter().find(|spec| spec.name == name).ok_or_else(stranger)?;
+        Ok(((GRAINS, spec.name), spec.unit))
     }
 
     /// A finite number, converted from the row's unit to `unit`.

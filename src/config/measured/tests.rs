@@ -43,7 +43,7 @@ fn single_values_are_converted_sorted_and_summarised() {
             ("pile_shelf_mass", 2, 0.412)
         ]
     );
-    let set = Measured { name: "m".to_owned(), values, summaries, files: Vec::new() };
+    let set = Measured::new("m", values, summaries, Vec::new());
     let angle = set.statistic("angle_of_repose").unwrap();
     assert_eq!((angle.mean, angle.n, angle.unit, angle.experiment), (25.0, 2, "deg", "pile"));
     assert!((angle.sd - 0.5_f64.sqrt()).abs() < 1e-15);
@@ -58,7 +58,7 @@ fn the_first_n_values_are_those_with_the_lowest_repetitions() {
         format!("{text}bulk_density,{repetition},bulk_density,{value},kg/m3\n")
     });
     let (values, summaries) = collect(&[("m.csv", &text)]).unwrap();
-    let set = Measured { name: "m".to_owned(), values, summaries, files: Vec::new() };
+    let set = Measured::new("m", values, summaries, Vec::new());
     let means: Vec<_> =
         [2, 3, 9].iter().map(|n| (set.statistics_of_first(*n)[0].mean, set.statistics_of_first(*n)[0].n)).collect();
     assert_eq!(means, [(1475.0, 2), (1480.0, 3), (1480.0, 3)]);
@@ -207,4 +207,23 @@ fn the_ending_decides_the_format() {
     assert_eq!(Format::of(Path::new("b.parquet")), Some(Format::Parquet));
     assert_eq!(Format::of(Path::new("b.xlsx")), None);
     assert_eq!(Format::of(Path::new("csv")), None);
+}
+
+#[test]
+fn a_property_of_the_grains_is_no_observable() {
+    let text = format!(
+        "{HEADER}grains,1,particle_density,2.30,g/cm3\ngrains,2,particle_density,2.32,g/cm3\npile,1,angle_of_repose,25,deg\n\
+         pile,2,angle_of_repose,26,deg\n"
+    );
+    let (values, summaries) = collect(&[("m.csv", &text)]).unwrap();
+    let set = Measured::new("m", values, summaries, Vec::new());
+    assert_eq!(set.statistics().len(), 1);
+    let density = &set.properties[0];
+    assert_eq!((density.kpi, density.unit, density.n), ("particle_density", "kg/m3", 2));
+    assert!((density.mean - 2310.0).abs() < 1e-9 && (density.sd - 200.0_f64.sqrt()).abs() < 1e-9);
+    let wrong = refusal(&format!("{HEADER}grains,1,particle_densty,2300,kg/m3\n"));
+    assert!(wrong.contains("did you mean `particle_density`?"), "{wrong}");
+    let set = [("m.csv", &*format!("{SUMMARY}grains,particle_density,2313.4,30,10,kg/m3\n"))];
+    let (values, summaries) = collect(&set).unwrap();
+    assert_eq!(Measured::new("m", values, summaries, Vec::new()).properties[0].n, 10);
 }

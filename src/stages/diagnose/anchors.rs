@@ -8,7 +8,7 @@
 use super::lab::{Job, Lab, requests_of};
 use super::moments::{Batch, Statistic};
 use crate::campaign::{CampaignError, Point, Request};
-use crate::effects::{self, Effect};
+use crate::effects::Effect;
 use crate::stages::{Context, StageError};
 use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
 use crate::stats::metamodel::Observations;
@@ -23,6 +23,8 @@ pub struct Anchors {
 
 struct EffectRuns {
     name: String,
+    /// Physical range of the strength.
+    range: (f64, f64),
     /// Parameters in the unit cube, then the strength's place in its range.
     unit: Points,
     batches: Vec<Batch>,
@@ -35,15 +37,25 @@ impl Anchors {
         let mut batches = lab.run(&jobs)?.into_iter();
         let centre = batches.next().unwrap_or_default();
         let runs = |(name, unit): (String, Points)| {
+            let range = context.config.effects.library.find(&name).map_err(CampaignError::from)?.range();
             let batches = batches.by_ref().take(unit.len()).collect();
-            EffectRuns { name, unit, batches }
+            Ok(EffectRuns { name, range, unit, batches })
         };
-        Ok(Self { centre, effects: plan.into_iter().map(runs).collect() })
+        Ok(Self { centre, effects: plan.into_iter().map(runs).collect::<Result<_, StageError>>()? })
     }
 
     /// The runs of the plain model in the centre of the parameter space.
     pub fn centre(&self) -> &Batch {
         &self.centre
+    }
+
+    /// The batches of an effect's anchors, each with its strength.
+    pub fn runs(&self, effect: &str) -> impl Iterator<Item = (&Batch, f64)> {
+        let found = self.effects.iter().filter(move |runs| runs.name == effect);
+        found.flat_map(|runs| {
+            let place = |row: &[f64]| strength_at(runs.range, row[row.len() - 1]);
+            runs.batches.iter().zip(runs.unit.rows()).map(move |(batch, row)| (batch, place(row)))
+        })
     }
 
     /// What a statistic's observable gave at the anchors of an effect; none of an effect without anchors.
@@ -77,8 +89,8 @@ fn jobs(context: &Context) -> Result<(Vec<Job>, AnchorPoints), StageError> {
     let mut jobs = vec![job(context, "anchors".to_owned(), centre, diagnose.refine_repetitions)];
     let mut plan = Vec::new();
     for name in &diagnose.candidates {
-        let effect = effects::find(name).map_err(CampaignError::from)?;
-        let unit = anchor_points(context, name, effect);
+        let effect = context.config.effects.library.find(name).map_err(CampaignError::from)?;
+        let unit = anchor_points(context, name, &*effect);
         for (index, x) in unit.rows().enumerate() {
             let (u, place) = x.split_at(x.len() - 1);
             let strength = strength_at(effect.range(), place[0]);
@@ -123,7 +135,7 @@ pub fn point_at(context: &Context, number: u32, u: &[f64]) -> Result<Point, Stag
     let values: Vec<_> =
         parameters.map(|(parameter, x)| (parameter.name.to_owned(), parameter.from_unit(*x))).collect();
     let point = Point::new(number, context.config.base_settings(), &values)?;
-    Ok(point.with_effects(&context.config.effects.active))
+    Ok(point.knowing(&context.config.effects.library).with_effects(&context.config.effects.active))
 }
 
 /// The point with further effects on.

@@ -1,6 +1,6 @@
 //! The evidence: which measured statistics are compared, their values, and how well they are known.
 
-use super::moments::{Batch, Moment, Statistic};
+use super::moments::{Batch, Moment, Statistic, line};
 use crate::config::{Config, Measured, MeasuredSummary};
 use crate::stats::special::{beta_i, trigamma};
 use crate::stats::summary::ln_sd;
@@ -22,6 +22,8 @@ pub struct Evidence {
     pub counts: Vec<usize>,
     /// Measured standard deviations of the observables behind the statistics.
     sds: Vec<f64>,
+    /// What a variance of one value is divided by: the number of values, or the lever of a trend.
+    divisors: Vec<f64>,
 }
 
 /// Covariance of measured statistics, and which share of each variance rests on few repetitions.
@@ -34,8 +36,9 @@ pub struct Noise {
 
 impl Evidence {
     /// Every statistic that the data set and `simulated` both have. Logarithms of standard deviations enter from
-    /// `sd_from` repetitions on, of the measurement and of the simulations to be made; the held-out experiment never
-    /// does. An observable that follows from the others of its test (such as a mean mass from a count and a density) is
+    /// `sd_from` repetitions on, of the measurement and of the simulations to be made; so do trends of the KPIs, where a
+    /// candidate drifts and single values were measured, because elsewhere they only thin the evidence out. The held-out
+    /// experiment never enters. An observable that follows from the others of its test (such as a mean mass from a count and a density) is
     /// left out, KPIs being kept first.
     pub fn new(config: &Config, measured: &Measured, simulated: &Batch) -> Self {
         let least = config.diagnose.thresholds.sd_from as usize;
@@ -47,36 +50,73 @@ impl Evidence {
         let mut summaries: Vec<MeasuredSummary> = measured.statistics();
         summaries.retain(|summary| fitted.contains(&summary.experiment) && summary.sd > 0.0);
         summaries.sort_by_key(|summary| order(summary.kpi));
-        let mut evidence =
-            Self { statistics: Vec::new(), values: DVector::zeros(0), counts: Vec::new(), sds: Vec::new() };
-        for moment in [Moment::Mean, Moment::LnSd] {
+        let mut evidence = Self::empty();
+        for moment in [Moment::Mean, Moment::LnSd, Moment::Trend] {
             for summary in &summaries {
                 let statistic = statistic(summary, moment);
                 let repeated = summary.n.min(config.diagnose.refine_repetitions) as usize;
-                let enough = moment == Moment::Mean || repeated >= least;
+                let enough = match moment {
+                    Moment::Mean => true,
+                    Moment::LnSd => repeated >= least,
+                    Moment::Trend => repeated >= least && drifts(config) && is_kpi(config, summary.kpi),
+                };
                 if enough && simulated.count(&statistic) >= 2 {
-                    evidence.add_if_own(statistic, summary, simulated);
+                    evidence.add_if_own(statistic, (measured, summary), simulated);
                 }
             }
         }
         evidence
     }
 
-    fn add_if_own(&mut self, statistic: Statistic, summary: &MeasuredSummary, simulated: &Batch) {
+    /// The statistics of this evidence whose place is among `kept`, with the values of another data set; `None` where that
+    /// lacks one of them.
+    pub fn of(&self, kept: &[usize], measured: &Measured) -> Option<Self> {
+        let summaries = measured.statistics();
+        let mut evidence = Self::empty();
+        for statistic in kept.iter().map(|place| &self.statistics[*place]) {
+            let summary = summaries.iter().find(|summary| summary.kpi == statistic.kpi && summary.sd > 0.0)?;
+            evidence.add(statistic.clone(), (measured, summary));
+        }
+        (evidence.statistics.len() == kept.len()).then_some(evidence)
+    }
+
+    fn empty() -> Self {
+        let values = DVector::zeros(0);
+        Self { statistics: Vec::new(), values, counts: Vec::new(), sds: Vec::new(), divisors: Vec::new() }
+    }
+
+    fn add_if_own(&mut self, statistic: Statistic, from: (&Measured, &MeasuredSummary), simulated: &Batch) {
         let mut wider = self.statistics.clone();
         wider.push(statistic);
         let Some(moments) = simulated.moments(&wider) else { return };
-        if own_share(&moments.covariance) < OWN_SHARE {
-            return;
+        if own_share(&moments.covariance) >= OWN_SHARE {
+            self.add(wider[wider.len() - 1].clone(), from);
         }
-        let value = match wider[wider.len() - 1].moment {
-            Moment::Mean => summary.mean,
-            Moment::LnSd => ln_sd(summary.sd, summary.n as usize).value,
+    }
+
+    /// Adds a measured statistic; nothing where it has no trend.
+    fn add(&mut self, statistic: Statistic, (measured, summary): (&Measured, &MeasuredSummary)) {
+        let (value, divisor) = match statistic.moment {
+            Moment::Mean => (summary.mean, f64::from(summary.n)),
+            Moment::LnSd => (ln_sd(summary.sd, summary.n as usize).value, f64::from(summary.n)),
+            Moment::Trend => {
+                let series = measured.series_of(summary.kpi).into_iter();
+                let points: Vec<(f64, f64)> =
+                    series.map(|(repetition, value)| (f64::from(repetition), value)).collect();
+                let Some(line) = line(&points) else { return };
+                (line.slope, line.lever)
+            }
         };
-        self.statistics = wider;
+        self.statistics.push(statistic);
         self.values = self.values.clone().push(value);
         self.counts.push(summary.n as usize);
         self.sds.push(summary.sd);
+        self.divisors.push(divisor);
+    }
+
+    /// Whether a statistic of this kind is among the evidence.
+    pub fn has(&self, moment: Moment) -> bool {
+        self.statistics.iter().any(|statistic| statistic.moment == moment)
     }
 
     /// Covariance of the measured values. Correlations are those of the simulated repetitions. Variances of the means
@@ -88,26 +128,37 @@ impl Evidence {
         let mut measured_share = Vec::new();
         for (index, statistic) in self.statistics.iter().enumerate() {
             let (n, m) = (self.counts[index] as f64, simulated.count(statistic) as f64);
-            match statistic.moment {
-                Moment::Mean => {
-                    let simulated = moments.covariance[(index, index)] * m;
-                    let measured = self.sds[index] * self.sds[index];
-                    let agree = scatter_p(measured, n - 1.0, simulated, m - 1.0) > SCATTER_LEVEL;
-                    let share = if agree { (n - 1.0) / (n + m - 2.0) } else { 1.0 };
-                    variances.push((share * measured + (1.0 - share) * simulated) / n);
-                    measured_share.push(share);
-                }
-                Moment::LnSd => {
-                    variances.push(0.25 * trigamma(0.5 * (n - 1.0)));
-                    measured_share.push(0.0);
-                }
+            if statistic.moment == Moment::LnSd {
+                variances.push(0.25 * trigamma(0.5 * (n - 1.0)));
+                measured_share.push(0.0);
+                continue;
             }
+            let simulated = match statistic.moment {
+                Moment::Trend => moments.covariance[(index, index)] * simulated.line(statistic)?.lever,
+                _ => moments.covariance[(index, index)] * m,
+            };
+            let measured = self.sds[index] * self.sds[index];
+            let agree = scatter_p(measured, n - 1.0, simulated, m - 1.0) > SCATTER_LEVEL;
+            let share = if agree { (n - 1.0) / (n + m - 2.0) } else { 1.0 };
+            variances.push((share * measured + (1.0 - share) * simulated) / self.divisors[index]);
+            measured_share.push(share);
         }
         let scale = |i: usize| (variances[i] / moments.covariance[(i, i)]).sqrt();
         let covariance =
             DMatrix::from_fn(variances.len(), variances.len(), |i, j| moments.covariance[(i, j)] * scale(i) * scale(j));
         Some(Noise { covariance, measured_share })
     }
+}
+
+/// Whether a candidate shows itself in trends.
+fn drifts(config: &Config) -> bool {
+    let is_drift = |name: &String| config.effects.library.find(name).is_ok_and(|effect| effect.is_drift());
+    config.diagnose.candidates.iter().any(is_drift)
+}
+
+fn is_kpi(config: &Config, name: &str) -> bool {
+    let mut observables = config.experiments().into_iter().flat_map(|experiment| experiment.observables());
+    observables.any(|observable| observable.name == name && observable.is_kpi)
 }
 
 fn statistic(summary: &MeasuredSummary, moment: Moment) -> Statistic {

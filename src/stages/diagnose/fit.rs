@@ -4,10 +4,10 @@
 //! parameters and the strength of one effect; direct DEM runs near an optimum join what it predicts from. Coordinates
 //! are those of the unit cube: parameters between their bounds, a strength in its physical range.
 
-use super::anchors::{Anchors, place_of};
+use super::anchors::{Anchors, place_of, strength_at};
 use super::evidence::Evidence;
 use super::moments::{Batch, Moment, Statistic};
-use crate::config::Config;
+use crate::config::{Config, Measured};
 use crate::stages::models::{self, Models, kind};
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, GlsOptions, Parameter, Prior, gls_fit};
@@ -18,12 +18,42 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Metamodels of every statistic of the evidence.
+#[derive(Clone)]
 pub struct Surface {
     models: Vec<Metamodel>,
     /// A statistic of every observable, in the order of the metamodels, and what the metamodels predict from.
     observables: Vec<(Statistic, Observations)>,
     /// Index of the metamodel of every statistic, and its moment.
     rows: Vec<(usize, Moment)>,
+    /// Trend of every statistic per unit of strength, zero where nothing drifts.
+    trends: Vec<Trend>,
+    /// Range of the strength, the last coordinate, where there is one.
+    range: Option<(f64, f64)>,
+}
+
+/// A trend that is proportional to the strength of an effect.
+#[derive(Debug, Clone, Copy, Default)]
+struct Trend {
+    per_strength: f64,
+    /// 1/variance of `per_strength`; zero where nothing is known, or nothing drifts.
+    information: f64,
+}
+
+impl Trend {
+    /// The same with one more trend, known to a variance, at a strength.
+    fn with(self, strength: f64, trend: f64, variance: f64) -> Self {
+        let more = strength * strength / variance;
+        if more.is_nan() || more <= 0.0 {
+            return self;
+        }
+        let information = self.information + more;
+        let per_strength = (self.information * self.per_strength + more * trend / strength) / information;
+        Self { per_strength, information }
+    }
+
+    fn sd(self) -> f64 {
+        if self.information > 0.0 { 1.0 / self.information.sqrt() } else { 0.0 }
+    }
 }
 
 /// Slopes of the statistics with respect to the parameters in the unit cube.
@@ -66,7 +96,9 @@ impl Surface {
             let observations = plain.joined(&anchors.observations(effect, statistic)?);
             Some((Metamodel::fit(kind, &observations, &options).ok()?, observations))
         };
-        Self::of(statistics, train)
+        let surface = Self::of(statistics, train).map(|surface| Self { range: Some(range), ..surface });
+        surface
+            .map(|surface| surface.drifting(context, anchors, effect, statistics))
             .ok_or_else(|| format!("an observable allows no metamodel over the parameters and {effect}"))
     }
 
@@ -82,9 +114,10 @@ impl Surface {
             }
         }
         let place = |statistic: &Statistic| observables.iter().position(|known| known.kpi == statistic.kpi);
-        let rows = statistics.iter().map(|s| Some((place(s)?, s.moment))).collect::<Option<_>>()?;
+        let rows: Vec<_> = statistics.iter().map(|s| Some((place(s)?, s.moment))).collect::<Option<_>>()?;
         let trained: Vec<Option<(Metamodel, Observations)>> = observables.par_iter().map(|s| train(s)).collect();
-        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows };
+        let trends = vec![Trend::default(); rows.len()];
+        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows, trends, range: None };
         for (statistic, trained) in observables.into_iter().zip(trained) {
             let (model, observations) = trained?;
             surface.models.push(model);
@@ -96,7 +129,13 @@ impl Surface {
     /// The same metamodels, hyperparameters kept, which also know the direct runs `batch` at `x`; `None` where an
     /// observable could not be measured there.
     pub fn knowing(&self, batch: &Batch, x: &DVector<f64>) -> Option<Self> {
-        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows: self.rows.clone() };
+        let (rows, range) = (self.rows.clone(), self.range);
+        let mut trends = self.trends.clone();
+        for (row, trend) in trends.iter_mut().enumerate().filter(|(_, trend)| trend.information > 0.0) {
+            let statistic = &self.observables[rows[row].0].0;
+            *trend = with_runs(*trend, batch, statistic, self.strength(x.as_slice()));
+        }
+        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows, trends, range };
         for (model, (statistic, observations)) in self.models.iter().zip(&self.observables) {
             let more = at(batch, statistic, x.as_slice());
             if more.counts[0] == 0 {
@@ -109,24 +148,63 @@ impl Surface {
         Some(surface)
     }
 
+    /// The same surface for the statistics `kept` alone.
+    pub fn restricted(&self, kept: &[usize]) -> Self {
+        let rows = kept.iter().map(|row| self.rows[*row]).collect();
+        Self { rows, trends: kept.iter().map(|row| self.trends[*row]).collect(), ..self.clone() }
+    }
+
+    /// Trends of what drifts with the effect, from the anchors.
+    fn drifting(mut self, context: &Context, anchors: &Anchors, effect: &str, statistics: &[Statistic]) -> Self {
+        if context.config.effects.library.find(effect).is_ok_and(|effect| effect.is_drift()) {
+            for (row, statistic) in statistics.iter().enumerate().filter(|(_, s)| s.moment == Moment::Trend) {
+                let runs = anchors.runs(effect);
+                self.trends[row] = runs
+                    .fold(Trend::default(), |trend, (batch, strength)| with_runs(trend, batch, statistic, strength));
+            }
+        }
+        self
+    }
+
+    /// The strength at a point, 0 where the surface has none.
+    fn strength(&self, x: &[f64]) -> f64 {
+        self.range.map_or(0.0, |range| strength_at(range, x[x.len() - 1]))
+    }
+
     /// f(x) and its slopes for all statistics, shapes (m) and (m × dimension).
     pub fn predict(&self, x: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
         let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
-        let rows: Vec<(f64, Vec<f64>)> =
-            self.rows.iter().map(|(model, moment)| row(&predictions[*model], *moment, x.len())).collect();
+        let rows: Vec<(f64, Vec<f64>)> = self
+            .rows
+            .iter()
+            .zip(&self.trends)
+            .map(|((model, moment), trend)| match moment {
+                Moment::Trend => self.trend_row(trend, x.as_slice()),
+                _ => row(&predictions[*model], *moment, x.len()),
+            })
+            .collect();
         let values = DVector::from_iterator(rows.len(), rows.iter().map(|(value, _)| *value));
         (values, DMatrix::from_fn(rows.len(), x.len(), |i, j| rows[i].1[j]))
+    }
+
+    fn trend_row(&self, trend: &Trend, x: &[f64]) -> (f64, Vec<f64>) {
+        let mut slopes = vec![0.0; x.len()];
+        if let (Some((lower, upper)), Some(last)) = (self.range, slopes.last_mut()) {
+            *last = trend.per_strength * (upper - lower);
+        }
+        (self.strength(x) * trend.per_strength, slopes)
     }
 
     /// Covariance of the metamodels' own error at `x`, which observables share as far as the repetitions of a run do
     /// (`correlation`, m × m).
     pub fn uncertainty(&self, x: &DVector<f64>, correlation: &DMatrix<f64>) -> DMatrix<f64> {
         let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
-        let error = |(model, moment): &(usize, Moment)| match moment {
+        let error = |((model, moment), trend): (&(usize, Moment), &Trend)| match moment {
             Moment::Mean => predictions[*model].epistemic_sd,
             Moment::LnSd => predictions[*model].log_sd_error,
+            Moment::Trend => self.strength(x.as_slice()).abs() * trend.sd(),
         };
-        scaled(correlation, &self.rows.iter().map(error).collect::<Vec<_>>())
+        scaled(correlation, &self.rows.iter().zip(&self.trends).map(error).collect::<Vec<_>>())
     }
 
     /// Slopes at `x` with the covariance of their error, shared among observables in the same way.
@@ -134,6 +212,7 @@ impl Surface {
         let error = |(model, moment): &(usize, Moment)| match moment {
             Moment::Mean => self.models[*model].mean_slope_sd(x.as_slice()),
             Moment::LnSd => self.models[*model].log_sd_slope_sd(x.as_slice()),
+            Moment::Trend => vec![0.0; x.len()],
         };
         let errors: Vec<Vec<f64>> = self.rows.iter().map(error).collect();
         let column = |j: usize| scaled(correlation, &errors.iter().map(|row| row[j]).collect::<Vec<_>>());
@@ -144,6 +223,18 @@ impl Surface {
 /// The covariance with a given correlation and given standard deviations.
 fn scaled(correlation: &DMatrix<f64>, sd: &[f64]) -> DMatrix<f64> {
     DMatrix::from_fn(sd.len(), sd.len(), |i, j| correlation[(i, j)] * sd[i] * sd[j])
+}
+
+/// A trend that also knows the runs of a batch, all at one strength.
+fn with_runs(trend: Trend, batch: &Batch, statistic: &Statistic, strength: f64) -> Trend {
+    let values: Vec<f64> = batch.series(statistic).map(|s| s.values().copied().collect()).unwrap_or_default();
+    match batch.line(statistic) {
+        Some(line) if values.len() > 2 => {
+            let scatter = sd(&values);
+            trend.with(strength, line.slope, scatter * scatter / line.lever)
+        }
+        _ => trend,
+    }
 }
 
 /// What the runs at one point say of a statistic's observable.
@@ -172,14 +263,15 @@ fn row(prediction: &Prediction, moment: Moment, dimension: usize) -> (f64, Vec<f
         (Moment::LnSd, Some(sd)) if sd.value > 0.0 => {
             (libm::log(sd.value), sd.gradient.iter().map(|slope| slope / sd.value).collect())
         }
-        (Moment::LnSd, _) => (0.0, vec![0.0; dimension]),
+        (Moment::LnSd | Moment::Trend, _) => (0.0, vec![0.0; dimension]),
         (Moment::Mean, _) => (prediction.mean.value, prediction.mean.gradient.clone()),
     }
 }
 
 /// The parameters of the study in the unit cube with the priors of a data set, starting at `start`.
-pub fn parameters(config: &Config, measured: &str, start: &[f64]) -> Vec<Parameter> {
-    let prior = |name: &str| config.priors_of(measured).find(|prior| prior.parameter == name);
+pub fn parameters(config: &Config, measured: &Measured, start: &[f64]) -> Vec<Parameter> {
+    let known = config.priors_of(measured);
+    let prior = |name: &str| known.iter().find(|prior| prior.parameter == name);
     let parameter = |(parameter, value): (&crate::config::Parameter, &f64)| Parameter {
         name: parameter.name.to_owned(),
         value: *value,

@@ -14,10 +14,12 @@ use super::anchors::{Anchors, place_of, strength_at};
 use super::direct;
 use super::fit::{self, Surface};
 use super::lab::Lab;
-use super::moments::Batch;
+use super::moments::{Batch, Moment};
 use super::verdict::Case;
 use crate::campaign::CampaignError;
-use crate::effects::{self, Effect};
+use crate::effects::{self, Handle};
+use crate::experiments::Experiment;
+use crate::settings::{Scope, Settings};
 use crate::stages::StageError;
 use crate::stages::models::Models;
 use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
@@ -34,10 +36,14 @@ const SHARES: [f64; 5] = [0.125, 0.25, 0.5, 0.75, 1.0];
 /// The least share used of metamodels alone, whose error per unit of strength grows towards zero.
 const LEAST_UNTIED: f64 = 0.25;
 
+/// Why a candidate that was left out of the library cannot be named.
+const LEFT_OUT: &str = "it was left out of the library";
+
 /// A candidate effect with its model, if it has one.
+#[derive(Clone)]
 pub struct Contender {
     /// The effect.
-    effect: &'static dyn Effect,
+    effect: Handle,
     /// Metamodels over parameters and strength, or why there are none.
     surface: Result<Surface, String>,
     /// −2 ln likelihood at the optimum of the metamodels, up to a constant.
@@ -47,6 +53,7 @@ pub struct Contender {
 }
 
 /// The latest direct runs.
+#[derive(Clone)]
 struct Tie {
     x: DVector<f64>,
     /// Covariance of the measured values, with the scatter of these runs.
@@ -68,7 +75,7 @@ pub struct JointFit {
 impl Contender {
     /// Trains the model of a candidate for the statistics of a case.
     pub fn new(case: &Case, models: &Models, anchors: &Anchors, name: &str) -> Result<Self, StageError> {
-        let effect = effects::find(name).map_err(CampaignError::from)?;
+        let effect = case.context.config.effects.library.find(name).map_err(CampaignError::from)?;
         let trained = Surface::joint(case.context, models, anchors, (name, effect.range()), &case.evidence.statistics);
         let origin = case.optimum.clone().push(place_of(effect.range(), 0.0));
         let unmeasured = || "an observable could not be measured at the optimum".to_owned();
@@ -85,12 +92,12 @@ impl Contender {
     }
 
     /// Name of the effect.
-    pub fn name(&self) -> &'static str {
+    pub fn name(&self) -> &str {
         self.effect.name()
     }
 
     /// Unit of the strength.
-    pub fn unit(&self) -> &'static str {
+    pub fn unit(&self) -> &str {
         self.effect.unit()
     }
 
@@ -167,7 +174,7 @@ impl Contender {
         let best = |covariance: &DMatrix<f64>, starts: &[Vec<f64>]| {
             fit::best(surface, &case.evidence, covariance, starts, |start| self.parameters(case, start))
         };
-        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.correlation());
+        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.correlation);
         let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| wider(&tie.x));
         let first = best(&typical, &self.starts(case))?;
         let covariance = wider(&first.parameters);
@@ -196,10 +203,42 @@ impl Contender {
 
     fn parameters(&self, case: &Case, start: &[f64]) -> Vec<Parameter> {
         let p = start.len() - 1;
-        let mut parameters = fit::parameters(case.context.config, &case.set.name, &start[..p]);
+        let mut parameters = fit::parameters(case.context.config, case.set, &start[..p]);
         let name = self.name().to_owned();
         parameters.push(Parameter { name, value: start[p], lower: 0.0, upper: 1.0, prior: None });
         parameters
+    }
+
+    /// Whether the data hold the kind of evidence in which the effect shows itself, else what is missing.
+    fn shown_by(&self, case: &Case) -> Result<(), String> {
+        let config = case.context.config;
+        let changed = |experiment: &&dyn Experiment| {
+            let read = |settings: &Settings| {
+                [Scope::Simulate, Scope::Measure].map(|scope| settings.for_experiment(experiment.name(), scope))
+            };
+            let mut settings = config.base_settings().clone();
+            let (lower, upper) = self.effect.range();
+            let end = if upper > 0.0 { upper } else { lower };
+            let applied = effects::apply(&*self.effect, end, &mut settings, 1, 1);
+            applied.is_err() || read(&settings) != read(config.base_settings())
+        };
+        let least = config.diagnose.thresholds.sd_from;
+        if !config.experiments().iter().any(changed) {
+            Err("it changes nothing that the fitted experiments read".to_owned())
+        } else if self.effect.is_drift() && !case.evidence.has(Moment::Trend) {
+            Err(format!("there are no trends; give single values of {least} repetitions or more"))
+        } else if self.effect.is_scatter() && !case.evidence.has(Moment::LnSd) {
+            Err(format!("there are no standard deviations from {least} repetitions or more"))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// The same contender for the statistics `kept` alone; without direct runs it stands on its metamodels.
+    pub fn restricted(&self, kept: &[usize]) -> Self {
+        let tie = |tie: &Tie| Tie { x: tie.x.clone(), noise: tie.noise.select_rows(kept).select_columns(kept) };
+        let surface = self.surface.as_ref().map(|surface| surface.restricted(kept)).map_err(String::clone);
+        Self { surface, tie: self.tie.as_ref().map(tie), was_run: self.is_tied(), ..self.clone() }
     }
 
     /// What the attribution judges.
@@ -214,14 +253,23 @@ impl Contender {
             covariance: DMatrix::zeros(m, m),
             shift: DVector::zeros(p),
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
+            absent: false,
         };
         let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(candidate) };
-        if self.was_run && !(self.is_tied() && self.has_strength(&found)) {
-            candidate.testable =
-                Err("the best fit with it has no strength, or its runs could not be measured".to_owned());
+        if let Err(why) = self.shown_by(case) {
+            candidate.testable = Err(why);
             return Ok(candidate);
         }
-        let path = Path { contender: self, case, surface };
+        if case.leaves_out(self.name()) {
+            candidate.testable = Err(LEFT_OUT.to_owned());
+        }
+        candidate.absent = self.was_run && !self.has_strength(&found);
+        if self.was_run && !candidate.absent && !self.is_tied() {
+            candidate.testable = Err("an observable could not be measured in the runs with it".to_owned());
+            return Ok(candidate);
+        }
+        let tied = self.is_tied() && !candidate.absent;
+        let path = Path { contender: self, case, surface, tied };
         candidate.signatures = path.signatures(&found)?;
         (candidate.covariance, candidate.shift) = path.error(&found);
         Ok(candidate)
@@ -237,15 +285,16 @@ struct Path<'a> {
     contender: &'a Contender,
     case: &'a Case<'a>,
     surface: &'a Surface,
+    /// Whether direct runs stand behind the fitted strength.
+    tied: bool,
 }
 
 impl Path<'_> {
     /// Signatures at ascending strengths, the fitted one among them when it is tied.
     fn signatures(&self, found: &JointFit) -> Result<Vec<Signature>, StageError> {
-        let tied = self.contender.is_tied();
-        let shares: Vec<f64> = SHARES.into_iter().filter(|share| tied || *share >= LEAST_UNTIED).collect();
+        let shares: Vec<f64> = SHARES.into_iter().filter(|share| self.tied || *share >= LEAST_UNTIED).collect();
         let mut nodes = self.contender.nodes(&shares);
-        if tied {
+        if self.tied {
             nodes.retain(|node| (node - found.strength).abs() > 0.2 * found.strength.abs());
             nodes.push(found.strength);
             nodes.sort_by(f64::total_cmp);
@@ -274,7 +323,7 @@ impl Path<'_> {
             let (values, slopes) = self.surface.predict(&self.at(u, strength));
             (values, slopes.columns(0, u.len()).into_owned())
         };
-        let start = fit::parameters(self.case.context.config, &self.case.set.name, found.u.as_slice());
+        let start = fit::parameters(self.case.context.config, self.case.set, found.u.as_slice());
         Ok(fit::gls(model, &self.case.evidence.values, &self.case.covariance(), &start)?.parameters)
     }
 
@@ -285,13 +334,13 @@ impl Path<'_> {
     fn error(&self, found: &JointFit) -> (DMatrix<f64>, DVector<f64>) {
         let (lower, upper) = self.contender.effect.range();
         let m = self.case.model.values.len();
-        if self.contender.is_tied() {
+        if self.tied {
             return (DMatrix::zeros(m, m), (&found.u - &self.case.optimum) / found.strength);
         }
         let half = if upper > 0.0 { 0.5 * upper } else { 0.5 * lower };
         let known = found.strength.abs() >= LEAST_UNTIED * half.abs();
         let (u, strength) = if known { (&found.u, found.strength) } else { (&self.case.optimum, half) };
-        let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.correlation());
+        let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.correlation);
         let both = error(&self.at(u, strength)) + error(&self.at(&self.case.optimum, 0.0));
         (both / (strength * strength), (u - &self.case.optimum) / strength)
     }

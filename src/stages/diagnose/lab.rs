@@ -47,7 +47,7 @@ impl<'a> Lab<'a> {
         }
         let runs = self.context.campaign.simulate(&requests)?;
         let kpis = self.context.campaign.measure(&requests, &runs)?;
-        let batches = batches(&kpis, jobs);
+        let batches = batches(&kpis, jobs, self.context.config.base_settings()["series_length"] as u32);
         self.runs.extend(runs);
         self.kpis.extend(kpis);
         Ok(batches)
@@ -66,7 +66,10 @@ pub fn requests_of(context: &Context, job: &Job) -> Result<Vec<Request>, StageEr
 }
 
 /// Splits the rows by label and point number, which no two jobs share.
-fn batches(kpis: &[KpiRow], jobs: &[Job]) -> Vec<Batch> {
-    let of = |job: &Job| Batch::new(kpis.iter().filter(|row| row.label == job.label && row.point == job.point.number));
+fn batches(kpis: &[KpiRow], jobs: &[Job], series_length: u32) -> Vec<Batch> {
+    let of = |job: &Job| {
+        let rows = kpis.iter().filter(|row| row.label == job.label && row.point == job.point.number);
+        Batch::new(rows, series_length)
+    };
     jobs.iter().map(of).collect()
 }

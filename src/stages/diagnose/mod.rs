@@ -16,8 +16,11 @@ mod fit;
 mod joint;
 mod lab;
 mod moments;
+mod panel;
 mod rows;
 mod verdict;
+
+pub use panel::{Panel, PanelRows};
 
 use super::context::{run_settings, text};
 use super::models::Models;
@@ -72,6 +75,7 @@ fn settings(config: &Config) -> SettingsText {
         "statistics",
         "study.resolution",
     ]));
+    settings.extend(config.declared_text(config.diagnose.candidates.iter().map(String::as_str)));
     let comparable = config.measured.iter().map(|set| format!("measured.{}.comparable", set.name));
     settings
         .extend(config.settings_text(&comparable.collect::<Vec<_>>().iter().map(String::as_str).collect::<Vec<_>>()));

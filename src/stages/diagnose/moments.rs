@@ -16,6 +16,8 @@ pub enum Moment {
     Mean,
     /// Bias-corrected natural logarithm of the standard deviation between repetitions.
     LnSd,
+    /// Slope over the place of the repetition in its series.
+    Trend,
 }
 
 impl Moment {
@@ -24,6 +26,7 @@ impl Moment {
         match self {
             Self::Mean => "mean",
             Self::LnSd => "ln_sd",
+            Self::Trend => "trend",
         }
     }
 }
@@ -37,7 +40,7 @@ pub struct Statistic {
     pub kpi: String,
     /// Unit of the observable.
     pub unit: String,
-    /// Mean or scatter.
+    /// Mean, scatter or trend.
     pub moment: Moment,
 }
 
@@ -48,6 +51,27 @@ pub type Series = BTreeMap<u32, f64>;
 #[derive(Debug, Clone, Default)]
 pub struct Batch {
     series: BTreeMap<(String, String), Series>,
+    /// Repetitions of one laboratory series, after which what drifts begins anew; 0 = one series of any length.
+    length: u32,
+}
+
+/// A straight line over the repetitions of a series.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Change per repetition.
+    pub slope: f64,
+    /// Σ(place − mean place)²: the variance of the slope is that of one value over this.
+    pub lever: f64,
+}
+
+/// Least-squares line through values at places; `None` where all places are one.
+pub fn line(points: &[(f64, f64)]) -> Option<Line> {
+    let n = points.len() as f64;
+    let x = points.iter().map(|(x, _)| x).sum::<f64>() / n;
+    let y = points.iter().map(|(_, y)| y).sum::<f64>() / n;
+    let lever: f64 = points.iter().map(|(at, _)| (at - x) * (at - x)).sum();
+    let product: f64 = points.iter().map(|(at, value)| (at - x) * (value - y)).sum();
+    (lever > 0.0).then(|| Line { slope: product / lever, lever })
 }
 
 /// Statistics of a batch and the covariance of their errors.
@@ -60,9 +84,9 @@ pub struct Moments {
 }
 
 impl Batch {
-    /// The batch of all rows that have a value.
-    pub fn new<'a>(rows: impl IntoIterator<Item = &'a KpiRow>) -> Self {
-        let mut batch = Self::default();
+    /// The batch of all rows that have a value, from series of `length` repetitions.
+    pub fn new<'a>(rows: impl IntoIterator<Item = &'a KpiRow>, length: u32) -> Self {
+        let mut batch = Self { length, ..Self::default() };
         for row in rows {
             if let Some(value) = row.value {
                 batch.insert(&row.experiment, &row.kpi, row.repetition, value);
@@ -81,6 +105,15 @@ impl Batch {
         self.series.get(&(statistic.experiment.clone(), statistic.kpi.clone()))
     }
 
+    /// The line of an observable over the places in the series.
+    pub fn line(&self, statistic: &Statistic) -> Option<Line> {
+        let place = |repetition: u32| f64::from(repetition.saturating_sub(1) % self.length.max(1));
+        let place = |repetition: u32| if self.length == 0 { f64::from(repetition) } else { place(repetition) };
+        line(
+            &self.series(statistic)?.iter().map(|(repetition, value)| (place(*repetition), *value)).collect::<Vec<_>>(),
+        )
+    }
+
     /// Number of values of an observable.
     pub fn count(&self, statistic: &Statistic) -> usize {
         self.series(statistic).map_or(0, Series::len)
@@ -89,9 +122,18 @@ impl Batch {
     /// Statistics with their covariance; `None` where one has fewer than two values or no scatter.
     pub fn moments(&self, statistics: &[Statistic]) -> Option<Moments> {
         let columns: Vec<&Series> = statistics.iter().map(|s| self.series(s)).collect::<Option<_>>()?;
-        let values =
-            statistics.iter().zip(&columns).map(|(s, series)| value(s.moment, series)).collect::<Option<_>>()?;
-        let entry = |i: usize, j: usize| covariance(&statistics[i], columns[i], &statistics[j], columns[j]);
+        let value = |(statistic, series): (&Statistic, &&Series)| match statistic.moment {
+            Moment::Trend => self.line(statistic).map(|line| line.slope),
+            moment => value(moment, series),
+        };
+        let values = statistics.iter().zip(&columns).map(value).collect::<Option<_>>()?;
+        let levers: Vec<f64> = statistics.iter().map(|s| self.line(s).map_or(0.0, |line| line.lever)).collect();
+        let entry = |i: usize, j: usize| {
+            let same = covariance(&statistics[i], columns[i], &statistics[j], columns[j]);
+            let trends = statistics[i].moment == Moment::Trend;
+            // cov(x̄, ȳ) = c/n, and the covariance of two slopes over the same places is c over their lever.
+            if trends { same * columns[i].len() as f64 / (levers[i] * levers[j]).sqrt() } else { same }
+        };
         Some(Moments { values, covariance: DMatrix::from_fn(statistics.len(), statistics.len(), entry) })
     }
 }
@@ -99,7 +141,7 @@ impl Batch {
 fn value(moment: Moment, series: &Series) -> Option<f64> {
     let values: Vec<f64> = series.values().copied().collect();
     let value = match moment {
-        Moment::Mean => mean(&values),
+        Moment::Mean | Moment::Trend => mean(&values),
         Moment::LnSd => ln_sd(sd(&values), values.len()).value,
     };
     (values.len() >= 2 && value.is_finite()).then_some(value)
@@ -122,7 +164,7 @@ fn covariance(a: &Statistic, x: &Series, b: &Statistic, y: &Series) -> f64 {
         |f: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| f(x - x_mean, y - y_mean)).sum::<f64>() / (n - 1.0);
     let (xy, xx, yy) = (product(&|x, y| x * y), product(&|x, _| x * x), product(&|_, y| y * y));
     match a.moment {
-        Moment::Mean => xy / n,
+        Moment::Mean | Moment::Trend => xy / n,
         Moment::LnSd => xy * xy / (xx * yy) * 0.25 * trigamma(0.5 * (n - 1.0)),
     }
 }
@@ -169,6 +211,25 @@ mod tests {
                 assert!((seen - told).abs() < 0.08 * scale, "({i},{j}): seen {seen}, told {told}, scale {scale}");
             }
         }
+    }
+
+    #[test]
+    fn a_trend_is_the_slope_over_the_places_of_a_series() {
+        let trend = [statistic("a", Moment::Trend), statistic("b", Moment::Trend)];
+        let mut batch = Batch { length: 10, ..Batch::default() };
+        for repetition in 1..=30 {
+            let place = f64::from((repetition - 1) % 10);
+            batch.insert("pile", "a", repetition, 7.0 + 0.5 * place + if repetition % 2 == 0 { 0.1 } else { -0.1 });
+            batch.insert("pile", "b", repetition, if repetition <= 15 { 1.0 } else { -1.0 });
+        }
+        let moments = batch.moments(&trend).unwrap();
+        // Three series of ten: Σ(place − 4.5)² = 3 · 82.5, and the alternating part tilts the line by 0.1 · 5/82.5.
+        assert!((moments.values[0] - 0.5 - 0.1 * 5.0 / 82.5).abs() < 1e-12, "{:?}", moments.values);
+        assert!((batch.line(&trend[0]).unwrap().lever - 247.5).abs() < 1e-9);
+        let variance = 30.0 / 29.0;
+        assert!((moments.covariance[(1, 1)] - variance / 247.5).abs() < 1e-9, "{}", moments.covariance);
+        let mixed = [statistic("a", Moment::Trend), statistic("b", Moment::Mean)];
+        assert_eq!(batch.moments(&mixed).unwrap().covariance[(0, 1)], 0.0);
     }
 
     #[test]

@@ -15,6 +15,7 @@ pub fn name(statistic: &Statistic) -> String {
     match statistic.moment {
         Moment::Mean => statistic.kpi.clone(),
         Moment::LnSd => format!("ln sd {}", statistic.kpi),
+        Moment::Trend => format!("trend {}", statistic.kpi),
     }
 }
 
@@ -48,6 +49,12 @@ pub fn write(
     tables.verdicts.push(verdict(case, attribution));
 }
 
+/// The rows of a case that a score needs.
+pub fn of(case: &Case, attribution: &Attribution) -> (VerdictRow, Vec<AttributionRow>, Vec<ConfusionRow>) {
+    let effects = attribution.effects.iter().map(|effect| attribution_row(case, attribution, effect)).collect();
+    (verdict(case, attribution), effects, confusion(case, attribution))
+}
+
 fn signatures(
     case: &Case,
     contenders: &[Contender],
@@ -66,10 +73,11 @@ fn signatures(
         }
         let Some(nearest) = nearest(candidate, effect.strength) else { continue };
         let square = nearest.strength * nearest.strength;
+        let direct_runs = contender.is_tied() && !candidate.absent;
         // At a tie the change is the difference of two direct batches.
         let direct = |i: usize| 2.0 * case.model.covariance[(i, i)] / square;
-        let variance = |i: usize| if contender.is_tied() { direct(i) } else { candidate.covariance[(i, i)] };
-        let origin = if contender.is_tied() { "direct" } else { "metamodel" };
+        let variance = |i: usize| if direct_runs { direct(i) } else { candidate.covariance[(i, i)] };
+        let origin = if direct_runs { "direct" } else { "metamodel" };
         let from = (candidate.name.as_str(), origin, Some(nearest.strength));
         rows.extend(signature(case, from, |i| (nearest.per_unit[i], variance(i))));
     }
@@ -120,7 +128,7 @@ fn residuals(case: &Case, attribution: &Attribution) -> Vec<ResidualRow> {
         standard_error: covariance[(i, i)].sqrt(),
         z: residual[i] / covariance[(i, i)].sqrt(),
         unabsorbed_z: unabsorbed(&name(statistic)),
-        unit: if statistic.moment == Moment::Mean { statistic.unit.clone() } else { "1".to_owned() },
+        unit: if statistic.moment == Moment::LnSd { "1".to_owned() } else { statistic.unit.clone() },
     };
     case.evidence.statistics.iter().enumerate().map(row).collect()
 }
@@ -143,11 +151,13 @@ fn attribution_row(case: &Case, attribution: &Attribution, effect: &EffectReport
         physical: effect.accepted,
         ln_odds: effect.ln_bayes,
         strength_90: side.and_then(|limit| limit.strength),
-        part: part(attribution, effect).to_owned(),
+        part: if case.leaves_out(&effect.name) { "left_out" } else { part(attribution, effect) }.to_owned(),
     }
 }
 
+/// An effect that these data could not show at any physical strength is not testable with them, whatever the fit says.
 fn part(attribution: &Attribution, effect: &EffectReport) -> &'static str {
+    let hidden = attribution.below_detection().contains(&effect.name.as_str());
     let named = attribution.verdict.names().contains(&effect.name.as_str());
     match (&effect.status, &attribution.verdict) {
         (_, Verdict::Effect(_)) if named => "named",
@@ -156,6 +166,7 @@ fn part(attribution: &Attribution, effect: &EffectReport) -> &'static str {
         (Status::AbsorbedByCalibration, _) => "absorbed",
         (Status::SignatureNotResolved, _) => "unresolved",
         (Status::NotTestable(_), _) => "not_testable",
+        (Status::Testable, _) if hidden => "not_testable",
         (Status::Testable, _) => "rejected",
     }
 }

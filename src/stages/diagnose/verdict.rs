@@ -40,6 +40,24 @@ pub struct Case<'a> {
     pub before: Batch,
     /// Statistics of those runs.
     pub model: Moments,
+    /// Correlation of the statistics between repetitions (m × m).
+    pub correlation: DMatrix<f64>,
+    /// A candidate that may not be named.
+    pub left_out: Option<String>,
+}
+
+/// A data set with all that was found out about it.
+pub struct Examined<'a> {
+    /// Evidence, optimum and runs of the plain model.
+    pub case: Case<'a>,
+    /// Metamodels over the parameters, which know the runs at the optimum.
+    pub surface: Surface,
+    /// The candidate effects with their models.
+    pub contenders: Vec<Contender>,
+    /// What the attribution judged, one per contender.
+    pub candidates: Vec<Candidate>,
+    /// Its result.
+    pub attribution: Attribution,
 }
 
 /// Diagnoses one data set and adds its rows.
@@ -51,29 +69,44 @@ pub fn diagnose(
     set: &Measured,
     tables: &mut Tables,
 ) -> Result<(), StageError> {
-    let case = match prepare(context, models, anchors, lab, set)? {
-        Ok(case) => case,
+    let Examined { case, contenders, candidates, attribution, .. } = match examine(context, models, anchors, lab, set)?
+    {
+        Ok(examined) => examined,
         Err(why) => {
             tables.verdicts.push(rows::no_verdict(&set.name, why));
             return Ok(());
-        }
-    };
-    let names = &context.config.diagnose.candidates;
-    let mut contenders: Vec<Contender> = context
-        .campaign
-        .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
-    let (attribution, candidates) = loop {
-        let candidates = contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
-        let attribution = attributed(&case, candidates.clone())?;
-        match next_leader(&case, &attribution, &mut contenders) {
-            Some(leader) => leader.tie(&case, lab)?,
-            None => break (attribution, candidates),
         }
     };
     rows::write(&case, &contenders, &candidates, &attribution, tables);
     let accepted = accepted(&case, &attribution);
     let added = accepted.and_then(|name| contenders.iter().find(|contender| contender.name() == name));
     before_after::compare(&case, lab, added, tables)
+}
+
+/// Fits, runs and attributes one data set; the inner error says why there can be no attribution.
+pub fn examine<'a>(
+    context: &'a Context<'a>,
+    models: &Models,
+    anchors: &Anchors,
+    lab: &mut Lab,
+    set: &'a Measured,
+) -> Result<Result<Examined<'a>, String>, StageError> {
+    let (case, surface) = match prepare(context, models, anchors, lab, set)? {
+        Ok(prepared) => prepared,
+        Err(why) => return Ok(Err(why)),
+    };
+    let names = &context.config.diagnose.candidates;
+    let mut contenders: Vec<Contender> = context
+        .campaign
+        .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
+    loop {
+        let candidates = contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
+        let attribution = attributed(&case, candidates.clone(), options(&case))?;
+        match next_leader(&case, &attribution, &mut contenders) {
+            Some(leader) => leader.tie(&case, lab)?,
+            None => return Ok(Ok(Examined { case, surface, contenders, candidates, attribution })),
+        }
+    }
 }
 
 /// Evidence, optimum and runs of a data set; the inner error says why there can be none.
@@ -83,7 +116,7 @@ fn prepare<'a>(
     anchors: &Anchors,
     lab: &mut Lab,
     set: &'a Measured,
-) -> Result<Result<Case<'a>, String>, StageError> {
+) -> Result<Result<(Case<'a>, Surface), String>, StageError> {
     let evidence = Evidence::new(context.config, set, anchors.centre());
     if evidence.statistics.len() <= context.config.parameters.len() {
         return Ok(Err(format!(
@@ -92,26 +125,29 @@ fn prepare<'a>(
             context.config.parameters.len()
         )));
     }
-    let Some(surface) = Surface::plain(context, models, anchors.centre(), &evidence.statistics) else {
+    let Some(mut surface) = Surface::plain(context, models, anchors.centre(), &evidence.statistics) else {
         return Ok(Err("a metamodel of an observable is missing, see table metamodels".to_owned()));
     };
     let Some(noise) = evidence.noise(anchors.centre()) else { return Ok(Err(UNMEASURED.to_owned())) };
-    let plain = Plain { context, set, evidence: &evidence, surface: &surface };
-    let mut fitted = plain.over_metamodels(&noise.covariance)?;
+    let plain = |surface| Plain { context, set, evidence: &evidence, surface };
+    let mut fitted = plain(&surface).over_metamodels(&noise.covariance)?;
     // Where a verdict is to follow, runs at that optimum correct it.
     if comparable(context, set) {
         let batch = direct::batch(context, lab, format!("{}/centre", set.name), &fitted.parameters, &[])?;
-        match plain.with_runs(&batch, &fitted.parameters)? {
-            Some(better) => fitted = better,
-            None => return Ok(Err(UNMEASURED.to_owned())),
-        }
+        let (Some(noise), Some(better)) = (evidence.noise(&batch), surface.knowing(&batch, &fitted.parameters)) else {
+            return Ok(Err(UNMEASURED.to_owned()));
+        };
+        fitted = plain(&better).with_runs(&noise.covariance, &fitted.parameters)?;
+        surface = better;
     }
     let before = direct::batch(context, lab, format!("{}/before", set.name), &fitted.parameters, &[])?;
     let (Some(noise), Some(model)) = (evidence.noise(&before), before.moments(&evidence.statistics)) else {
         return Ok(Err(UNMEASURED.to_owned()));
     };
-    let slopes = surface.slopes(&fitted.parameters, &correlation(&model.covariance));
-    Ok(Ok(Case {
+    let model = without_trends(&evidence, model);
+    let correlation = correlation(&model.covariance);
+    let slopes = surface.slopes(&fitted.parameters, &correlation);
+    let case = Case {
         context,
         set,
         evidence,
@@ -122,18 +158,21 @@ fn prepare<'a>(
         at_bound: fitted.at_bound.iter().map(Option::is_some).collect(),
         before,
         model,
-    }))
+        correlation,
+        left_out: context.config.diagnose.left_out.clone(),
+    };
+    Ok(Ok((case, surface)))
 }
 
 /// The fit of the plain model.
-struct Plain<'a> {
-    context: &'a Context<'a>,
+struct Plain<'a, 'c> {
+    context: &'a Context<'c>,
     set: &'a Measured,
     evidence: &'a Evidence,
     surface: &'a Surface,
 }
 
-impl Plain<'_> {
+impl Plain<'_, '_> {
     /// Over the metamodels, whose error is taken at the optimum of a first pass.
     fn over_metamodels(&self, noise: &DMatrix<f64>) -> Result<GlsFit, StageError> {
         let first = self.best(self.surface, noise, &fit::starts(self.context.config.parameters.len()))?;
@@ -141,20 +180,31 @@ impl Plain<'_> {
         self.best(self.surface, &wider, &[first.parameters.as_slice().to_vec()])
     }
 
-    /// The same with metamodels that also know the runs at `centre`.
-    fn with_runs(&self, batch: &Batch, centre: &DVector<f64>) -> Result<Option<GlsFit>, StageError> {
-        let (Some(noise), Some(surface)) = (self.evidence.noise(batch), self.surface.knowing(batch, centre)) else {
-            return Ok(None);
-        };
-        let covariance = &noise.covariance + surface.uncertainty(centre, &correlation(&noise.covariance));
-        self.best(&surface, &covariance, &[centre.as_slice().to_vec()]).map(Some)
+    /// The same with metamodels that also know the runs at `centre`, which gave this `noise`.
+    fn with_runs(&self, noise: &DMatrix<f64>, centre: &DVector<f64>) -> Result<GlsFit, StageError> {
+        let covariance = noise + self.surface.uncertainty(centre, &correlation(noise));
+        self.best(self.surface, &covariance, &[centre.as_slice().to_vec()])
     }
 
     fn best(&self, surface: &Surface, covariance: &DMatrix<f64>, starts: &[Vec<f64>]) -> Result<GlsFit, StageError> {
-        let parameters = |start: &[f64]| fit::parameters(self.context.config, &self.set.name, start);
+        let parameters = |start: &[f64]| fit::parameters(self.context.config, self.set, start);
         fit::best(surface, self.evidence, covariance, starts, parameters)
     }
 }
+
+/// Statistics of the plain model: its repetitions are independent, so that its trends are zero and known to be. What is
+/// left of their variance only keeps the correlations.
+fn without_trends(evidence: &Evidence, mut model: Moments) -> Moments {
+    for (i, _) in evidence.statistics.iter().enumerate().filter(|(_, s)| s.moment == Moment::Trend) {
+        model.values[i] = 0.0;
+        model.covariance.row_mut(i).scale_mut(KNOWN);
+        model.covariance.column_mut(i).scale_mut(KNOWN);
+    }
+    model
+}
+
+/// Factor on standard deviations that makes them negligible.
+const KNOWN: f64 = 1e-4;
 
 fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let entry = |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
@@ -174,9 +224,9 @@ impl Case<'_> {
         &self.noise.covariance + &self.model.covariance
     }
 
-    /// Correlation of the statistics between repetitions.
-    pub fn correlation(&self) -> DMatrix<f64> {
-        correlation(&self.model.covariance)
+    /// Whether a candidate was left out of the library.
+    pub fn leaves_out(&self, name: &str) -> bool {
+        self.left_out.as_deref() == Some(name)
     }
 
     /// Whether the set-up resolves the data, else why not.
@@ -199,11 +249,16 @@ fn comparable(context: &Context, set: &Measured) -> bool {
     context.config.measured.iter().any(|source| source.name == set.name && source.comparable)
 }
 
-fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, StageError> {
+/// What the attribution finds in a case.
+pub fn attributed(case: &Case, candidates: Vec<Candidate>, options: Options) -> Result<Attribution, StageError> {
     let statistics = case.evidence.statistics.iter().enumerate();
     let row = |(index, statistic): (usize, &super::moments::Statistic)| Row {
         name: rows::name(statistic),
-        kind: if statistic.moment == Moment::Mean { RowKind::Mean } else { RowKind::LnSd },
+        kind: match statistic.moment {
+            Moment::Mean => RowKind::Mean,
+            Moment::LnSd => RowKind::LnSd,
+            Moment::Trend => RowKind::Trend,
+        },
         count: case.evidence.counts[index],
         measured_share: case.noise.measured_share[index] * case.noise.covariance[(index, index)]
             / case.covariance()[(index, index)],
@@ -214,7 +269,7 @@ fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, St
         rows: statistics.map(row).collect(),
         residual: case.residual(),
         covariance: case.covariance(),
-        parameters: fit::parameters(case.context.config, &case.set.name, case.optimum.as_slice()),
+        parameters: fit::parameters(case.context.config, case.set, case.optimum.as_slice()),
         jacobian: case.slopes.jacobian.clone(),
         jacobian_covariance: case.slopes.covariance.clone(),
         nuisances: Vec::new(),
@@ -222,13 +277,14 @@ fn attributed(case: &Case, candidates: Vec<Candidate>) -> Result<Attribution, St
         proposals: Vec::new(),
         attributable: case.attributable(),
     };
-    attribute(&problem, &options(case)).map_err(|error| StageError::Input {
+    attribute(&problem, &options).map_err(|error| StageError::Input {
         what: format!("the attribution of {} failed: {error}", case.set.name),
         remedy: "raise [diagnose] refine_repetitions, or leave out observables that repeat each other",
     })
 }
 
-fn options(case: &Case) -> Options {
+/// Thresholds and sizes of the study.
+pub fn options(case: &Case) -> Options {
     let diagnose = &case.context.config.diagnose;
     let thresholds = diagnose.thresholds;
     Options {
@@ -261,8 +317,8 @@ fn next_leader<'a>(
     let named = attribution.verdict.names();
     let forced = |name: &str| case.context.config.effects.accept == Accept::Effect(name.to_owned());
     let wanted = |c: &Contender| named.contains(&c.name()) || forced(c.name());
-    let mut ranked: Vec<(f64, usize)> =
-        contenders.iter().enumerate().filter_map(|(i, c)| Some((c.misfit()?, i))).collect();
+    let rivals = contenders.iter().enumerate().filter(|(_, c)| !case.leaves_out(c.name()));
+    let mut ranked: Vec<(f64, usize)> = rivals.filter_map(|(i, c)| Some((c.misfit()?, i))).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     let likeliest = ranked.into_iter().take(LEADERS).map(|(_, i)| i);
     let all = contenders.iter().enumerate().filter(|(_, c)| wanted(c)).map(|(i, _)| i).chain(likeliest);

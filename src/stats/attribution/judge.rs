@@ -46,6 +46,8 @@ impl Outcome {
 pub(super) struct Rule {
     /// Whether it may be named at all.
     pub testable: bool,
+    /// Whether the full model fits the observed residual best with none of it.
+    pub absent: bool,
     /// Physical range.
     pub range: (f64, f64),
     /// Half the range.
@@ -60,6 +62,11 @@ impl Rule {
     /// −1 if only negative strengths are physical.
     pub(super) fn side(&self) -> f64 {
         if self.range.1 == 0.0 { -1.0 } else { 1.0 }
+    }
+
+    /// Whether it may be a member of a pair.
+    fn paired(&self) -> bool {
+        self.testable && !self.absent
     }
 
     fn allows(&self, strength: f64, sd: f64) -> bool {
@@ -185,6 +192,13 @@ impl Machine {
         (0..self.rules.len()).map(|k| self.fit(seen, k, &mut scratch)).collect()
     }
 
+    /// The same for the observed residual, with strength zero for what the full model fits best without.
+    pub(super) fn fits_as_known(&self, seen: &Seen) -> Vec<Found> {
+        let none = Found { fit: Fit { strength: 0.0, leftover: seen.t0 }, geometry: seen.geometry };
+        let fits = self.fits(seen);
+        fits.into_iter().zip(&self.rules).map(|(found, rule)| if rule.absent { none } else { found }).collect()
+    }
+
     /// The whole procedure on one whitened residual.
     pub(super) fn decide(&self, residual: &DVector<f64>) -> Outcome {
         let seen = self.see(residual);
@@ -280,7 +294,7 @@ impl Machine {
     fn pair_table(&self, seen: &Seen, fits: &[Found]) -> Vec<Vec<Option<Addition>>> {
         let mut rotated = Vec::new();
         let row = |k: usize| -> Vec<Option<Addition>> {
-            if !self.rules[k].testable {
+            if !self.rules[k].paired() {
                 return vec![None; fits.len()];
             }
             let geometry = fits[k].geometry;
@@ -290,7 +304,7 @@ impl Machine {
             let add = |l: usize| {
                 let other = self.beside[geometry][k][l].secant(fits[l].fit.strength);
                 let rules = (&self.rules[k], &self.rules[l]);
-                (l != k && rules.1.testable).then(|| base.add(&rotated, &other, rules, seen.t0)).flatten()
+                (l != k && rules.1.paired()).then(|| base.add(&rotated, &other, rules, seen.t0)).flatten()
             };
             (0..fits.len()).map(add).collect()
         };

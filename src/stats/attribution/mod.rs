@@ -132,6 +132,9 @@ pub struct Candidate {
     pub shift: DVector<f64>,
     /// `Err` with the reason if these data cannot show the effect (no trends, no traces …).
     pub testable: Result<(), String>,
+    /// Whether the best fit of the full model with it has no strength: it is then fitted with strength zero, so that it
+    /// is rejected with its numbers and its detection limit.
+    pub absent: bool,
 }
 
 /// A measurement that could be added to separate a class of effects.

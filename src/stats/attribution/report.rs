@@ -27,7 +27,11 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let signatures: Vec<Curve> = problem.candidates.iter().map(|candidate| curve(&whitened, candidate)).collect();
     let errors: Vec<DMatrix<f64>> =
         (0..signatures.len()).map(|k| signature_error(problem, &whitened, &geometries[0], &signatures[k], k)).collect();
-    let rules = problem.candidates.iter().map(|c| Rule { testable: false, range: c.range, tau: c.scale() }).collect();
+    let rules = problem
+        .candidates
+        .iter()
+        .map(|c| Rule { testable: false, absent: c.absent, range: c.range, tau: c.scale() })
+        .collect();
     let mut machine = Machine::new(geometries, &whitened.held, &signatures, &errors, rules, *options);
     let visible: Vec<Visible> = (0..signatures.len())
         .map(|k| Visible::new(&machine, &whitened, &problem.candidates[k], &signatures[k], k))
@@ -45,7 +49,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let noise = Noise::new(problem, &whitened, options);
     let null = draws::calibrate(&mut machine, &noise, &worlds);
     let seen = machine.see(&whitened.residual);
-    let fits = machine.fits(&seen);
+    let fits = machine.fits_as_known(&seen);
     Ok(Report { problem, whitened: &whitened, machine: &machine, noise: &noise, null: &null, seen: &seen, fits: &fits }
         .assemble(&visible, &worlds))
 }

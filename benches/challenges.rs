@@ -1,0 +1,381 @@
+//! Error rates of the verdict, layer (a) of `challenges.sh`: measured sets drawn from pools of stored runs.
+//!
+//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS` takes a study that is trained. For every truth it
+//! stores POOL runs of each fitted experiment, prepares one diagnosis with its own direct runs at data of other seeds, draws
+//! SETS measured sets of every count of COUNTS (as `10,20,50`) from the pool, and calibrates, diagnoses and scores each. A
+//! cell that stands in FOLDER/rates.csv already is not done again.
+
+use granulake::campaign::{Campaign, Options, Values};
+use granulake::challenge::{Declaration, Score, Solution, Truth, score};
+use granulake::config::{Config, Measured, MeasuredSource, MeasuredValue};
+use granulake::experiments::EXPERIMENTS;
+use granulake::pipeline::Study;
+use granulake::rng::Stream;
+use granulake::stages::{Context, Panel, PanelRows};
+use granulake::stats::special::beta_i;
+use granulake::tables::KpiRow;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+type Failed = Box<dyn Error + Send + Sync>;
+
+/// Places of the hidden parameters in the unit cube, far apart: the first parameters of a study take the first numbers.
+const THETAS: [(&str, [f64; 3]); 2] = [("A", [0.35, 0.35, 0.65]), ("B", [0.65, 0.7, 0.3])];
+/// What is hidden, and whether the same data are also diagnosed without that candidate.
+const TRUTHS: &[(Option<(&str, f64)>, bool)] = &[
+    (None, false),
+    (Some(("cohesion", 1.0)), true),
+    (Some(("size_distribution", 0.1)), true),
+    (Some(("cohesion", 0.3)), false),
+    (Some(("fill_level", 0.1)), true),
+    (Some(("wall_friction_scatter", 0.25)), false),
+    (Some(("tilt", 2.0)), false),
+];
+/// Seed of the pools and of the reference data; packings of challenges come from a context of their own.
+const SEEDS: [u64; 2] = [9001, 9002];
+/// Repetitions of the reference data, at whose optimum the direct runs are made.
+const REFERENCE: u32 = 50;
+/// Draws behind the detection limit of a cell.
+const LIMIT_DRAWS: usize = 300;
+/// Scatter of a weighing of the grains [kg/m³], and their number.
+const WEIGHINGS: (f64, u32) = (30.0, 10);
+
+fn main() -> Result<(), Failed> {
+    // cargo passes `--bench` on to the binary.
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    let [folder, pool, sets, counts, thetas] = arguments.as_slice() else {
+        println!("challenges: no folder given, nothing to do; see benches/challenges.sh");
+        return Ok(());
+    };
+    let counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
+    let plan = Plan { pool: pool.parse()?, sets: sets.parse()?, counts };
+    let study = Study::load(&Path::new(folder).join("pipeline.toml"))?;
+    let campaign = study.campaign(Options { progress: false, ..Options::default() })?;
+    let mut book = Book::open(Path::new(folder).join("rates.csv"))?;
+    for (name, place) in THETAS.iter().take(thetas.parse()?) {
+        for (effect, left_out) in TRUTHS {
+            let known = effect.is_none_or(|(name, _)| study.config.diagnose.candidates.iter().any(|c| c == name));
+            if known {
+                let truth = Hidden { theta: name, place, effect: *effect, left_out: *left_out };
+                truth.cells(&study, &campaign, &plan, &mut book)?;
+            }
+        }
+    }
+    book.print();
+    Ok(())
+}
+
+/// Sizes.
+struct Plan {
+    pool: u32,
+    sets: u32,
+    counts: Vec<u32>,
+}
+
+/// One truth.
+struct Hidden<'t> {
+    theta: &'static str,
+    place: &'t [f64; 3],
+    effect: Option<(&'static str, f64)>,
+    left_out: bool,
+}
+
+/// What one line of the results is about.
+struct Cell {
+    count: u32,
+    evidence: &'static str,
+    without: Option<&'static str>,
+}
+
+impl Hidden<'_> {
+    fn name(&self) -> String {
+        self.effect.map_or("none".to_owned(), |(name, strength)| format!("{name}={strength}"))
+    }
+
+    fn key(&self, cell: &Cell, plan: &Plan) -> String {
+        let without = cell.without.unwrap_or("-");
+        format!("{},{},{},{},{},{}", self.theta, self.name(), cell.count, cell.evidence, without, plan.sets)
+    }
+
+    fn parameters(&self, config: &Config) -> Values {
+        let value = |(parameter, place): (&granulake::config::Parameter, &f64)| {
+            (parameter.name.to_owned(), parameter.from_unit(*place))
+        };
+        config.parameters.iter().zip(self.place).map(value).collect()
+    }
+
+    /// All cells of this truth that the book lacks.
+    fn cells(&self, study: &Study, campaign: &Campaign, plan: &Plan, book: &mut Book) -> Result<(), Failed> {
+        let cells = plan.counts.iter().flat_map(|&count| {
+            let left_out = self.effect.filter(|_| self.left_out).map(|(name, _)| name);
+            let cell = |evidence, without| Cell { count, evidence, without };
+            let mut cells = vec![cell("all", None), cell("kpis", None)];
+            cells.extend(left_out.map(|name| cell("all", Some(name))));
+            cells
+        });
+        let missing: Vec<Cell> = cells.filter(|cell| !book.has(&self.key(cell, plan))).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        eprintln!("{} at {}: {} cells", self.name(), self.theta, missing.len());
+        let effects: Values = self.effect.iter().map(|(name, strength)| ((*name).to_owned(), *strength)).collect();
+        let truth = Truth { parameters: self.parameters(&study.config), effects, scale: Vec::new() };
+        let measure = |repetitions, seed| {
+            truth.measure(&study.config, campaign, &study.config.experiments(), (repetitions, 50), seed)
+        };
+        let (pool, first) = (measure(plan.pool, SEEDS[0])?, measure(REFERENCE, SEEDS[1])?);
+        campaign.compact()?;
+        let density = truth.parameters.iter().find(|(name, _)| name == "particle_density").map(|(_, value)| *value);
+        let all: Vec<u32> = (1..=REFERENCE).collect();
+        let reference =
+            data(&first, &|_| all.clone(), density, &mut Stream::new(SEEDS[1], &self.key(&missing[0], plan)));
+        let source =
+            MeasuredSource { name: NAME.to_owned(), path: PathBuf::new(), comparable: true, note: String::new() };
+        let config = study.config.with_only(source, None);
+        let sets = [reference];
+        let context = Context::new(&config, &sets, campaign, study.store().root());
+        let mut panel = match Panel::new(&context, &sets[0])? {
+            Ok(panel) => panel,
+            Err(why) => return Err(format!("{} at {}: {why}", self.name(), self.theta).into()),
+        };
+        campaign.compact()?;
+        for evidence in ["all", "kpis"] {
+            if evidence == "kpis" {
+                panel = panel.of_kpis().ok_or("the reference lacks a KPI")?;
+            }
+            for cell in missing.iter().filter(|cell| cell.evidence == evidence) {
+                let drawn = self.draw(&pool, density, cell, plan);
+                let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
+                book.add(self.key(cell, plan), &tally)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Measured sets drawn from the pool without replacement within a set.
+    fn draw(&self, pool: &[KpiRow], density: Option<f64>, cell: &Cell, plan: &Plan) -> Vec<Measured> {
+        (0..plan.sets)
+            .map(|number| {
+                // The same sets for every evidence and library, so that these can be compared.
+                let purpose = format!("{} {} {} {number}", self.theta, self.name(), cell.count);
+                let stream = std::cell::RefCell::new(Stream::new(SEEDS[0], &purpose));
+                let pick = |_: &str| some_of(plan.pool, cell.count, &mut stream.borrow_mut());
+                data(pool, &pick, density, &mut Stream::new(SEEDS[0], &format!("weighings {purpose}")))
+            })
+            .collect()
+    }
+
+    fn judge(&self, panel: &Panel, sets: &[Measured], cell: &Cell) -> Result<Tally, Failed> {
+        let first = panel.judge(&sets[0], cell.without, LIMIT_DRAWS).map_err(|e| e.to_string())?;
+        let (_, limits, _) = first.ok_or("a drawn set lacks an observable")?;
+        let judged: Vec<Option<PanelRows>> = sets
+            .par_iter()
+            .map(|set| panel.judge(set, cell.without, 0))
+            .collect::<Result<_, _>>()
+            .map_err(|e| e.to_string())?;
+        let declaration = Declaration { effect: self.effect.map(|(n, s)| (n.to_owned(), s)), foreign: false };
+        let mut tally = Tally::new(&limits, self.effect, cell);
+        for rows in judged.into_iter().flatten() {
+            let (verdict, mut attribution, confusion) = rows;
+            for row in &mut attribution {
+                let known = limits.iter().find(|limit| limit.effect == row.effect);
+                row.strength_90 = known.and_then(|limit| limit.strength_90);
+            }
+            tally.add(&score(&declaration, &Solution { verdict, attribution, confusion }));
+        }
+        Ok(tally)
+    }
+}
+
+const NAME: &str = "challenge";
+
+/// `count` different numbers from 1 to `size`, sorted.
+fn some_of(size: u32, count: u32, stream: &mut Stream) -> Vec<u32> {
+    let mut numbers: Vec<u32> = (1..=size).collect();
+    for place in 0..count as usize {
+        let other = place + stream.index(numbers.len() - place);
+        numbers.swap(place, other);
+    }
+    numbers.truncate(count as usize);
+    numbers.sort_unstable();
+    numbers
+}
+
+/// Measured data of those repetitions of every experiment that `pick` picks, and weighings of the grains.
+fn data(rows: &[KpiRow], pick: &dyn Fn(&str) -> Vec<u32>, density: Option<f64>, stream: &mut Stream) -> Measured {
+    let mut values: Vec<MeasuredValue> = Vec::new();
+    for experiment in EXPERIMENTS {
+        let picked = pick(experiment.name());
+        for row in rows.iter().filter(|row| row.experiment == experiment.name()) {
+            let place = picked.binary_search(&row.repetition);
+            let observable = experiment.observables().iter().find(|observable| observable.name == row.kpi);
+            if let (Ok(place), Some(observable), Some(value)) = (place, observable, row.value) {
+                let (experiment, repetition) = (experiment.name(), place as u32 + 1);
+                values.push(MeasuredValue { experiment, kpi: observable.name, repetition, value });
+            }
+        }
+    }
+    values.sort_by_key(|value| (value.experiment, value.kpi, value.repetition));
+    let (sd, n) = WEIGHINGS;
+    let weighings: Vec<f64> =
+        density.iter().flat_map(|mean| (0..n).map(move |_| mean)).map(|mean| mean + sd * stream.normal()).collect();
+    Measured {
+        name: NAME.to_owned(),
+        values,
+        summaries: Vec::new(),
+        properties: property(&weighings),
+        files: Vec::new(),
+    }
+}
+
+fn property(values: &[f64]) -> Vec<granulake::config::MeasuredSummary> {
+    if values.len() < 2 {
+        return Vec::new();
+    }
+    let summary = granulake::stats::summary::mean(values);
+    vec![granulake::config::MeasuredSummary {
+        experiment: "grains",
+        kpi: "particle_density",
+        unit: "kg/m3",
+        mean: summary,
+        sd: granulake::stats::summary::sd(values),
+        n: values.len() as u32,
+    }]
+}
+
+/// Counts of one cell.
+struct Tally {
+    truth: Option<&'static str>,
+    sets: u32,
+    correct: u32,
+    class_size: u32,
+    named: u32,
+    decidable: u32,
+    answers: BTreeMap<String, u32>,
+    limits: String,
+}
+
+impl Tally {
+    fn new(limits: &[granulake::tables::AttributionRow], truth: Option<(&'static str, f64)>, cell: &Cell) -> Self {
+        let mut text = String::new();
+        for row in limits {
+            let limit = row.strength_90.map_or("-".to_owned(), |limit| format!("{limit:.3}"));
+            let _ = write!(
+                text,
+                "{} a={:.3} visible={:.2} eta90={limit} {}; ",
+                row.effect, row.a, row.visibility, row.part
+            );
+        }
+        let truth = truth.map(|(name, _)| name).filter(|_| cell.without.is_none());
+        let answers = BTreeMap::new();
+        Self { truth, sets: 0, correct: 0, class_size: 0, named: 0, decidable: 0, answers, limits: text }
+    }
+
+    fn add(&mut self, score: &Score) {
+        self.sets += 1;
+        self.correct += u32::from(score.correct);
+        self.decidable += u32::from(score.decidable == Some(true));
+        if !score.named.is_empty() {
+            self.named += 1;
+            self.class_size += score.named.len() as u32;
+        }
+        let answer = match score.verdict.as_str() {
+            "effect" => score.named.join("+"),
+            "class" if self.truth.is_some_and(|truth| score.named.iter().any(|name| name == truth)) => {
+                format!("class of {} with it", score.named.len())
+            }
+            "class" => format!("class of {} without it", score.named.len()),
+            "pair" => format!("pair {}", score.named.join("+")),
+            other => other.to_owned(),
+        };
+        *self.answers.entry(answer).or_default() += 1;
+    }
+}
+
+/// Results, one line per cell.
+struct Book {
+    path: PathBuf,
+    lines: Vec<String>,
+}
+
+impl Book {
+    fn open(path: PathBuf) -> Result<Self, Failed> {
+        let text = if path.exists() { std::fs::read_to_string(&path)? } else { String::new() };
+        Ok(Self { path, lines: text.lines().map(str::to_owned).collect() })
+    }
+
+    fn has(&self, key: &str) -> bool {
+        self.lines.iter().any(|line| line.starts_with(&format!("{key},")))
+    }
+
+    fn add(&mut self, key: String, tally: &Tally) -> Result<(), Failed> {
+        let (low, high) = clopper_pearson(tally.correct, tally.sets);
+        let rate = f64::from(tally.correct) / f64::from(tally.sets.max(1));
+        let size = f64::from(tally.class_size) / f64::from(tally.named.max(1));
+        let answers: Vec<String> = tally.answers.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
+        let line = format!(
+            "{key},{},{},{rate:.3},{low:.3},{high:.3},{size:.2},{},{},{}",
+            tally.correct,
+            tally.sets,
+            tally.decidable,
+            answers.join("; "),
+            tally.limits
+        );
+        println!("{line}");
+        self.lines.push(line);
+        Ok(std::fs::write(&self.path, self.lines.join("\n") + "\n")?)
+    }
+
+    /// The matrix of answers and the identifiability of every cell, as Markdown.
+    fn print(&self) {
+        println!(
+            "\n| theta | truth | n | evidence | left out | right | 95 % interval | mean class | decidable | answers |"
+        );
+        println!("|---|---|---|---|---|---|---|---|---|---|");
+        let cells: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
+        for cell in cells.iter().filter(|cell| cell.len() >= 15) {
+            println!(
+                "| {} | {} | {} | {} | {} | {} of {} | {} to {} | {} | {} | {} |",
+                cell[0],
+                cell[1],
+                cell[2],
+                cell[3],
+                cell[4],
+                cell[6],
+                cell[7],
+                cell[9],
+                cell[10],
+                cell[11],
+                cell[12],
+                cell[13]
+            );
+        }
+        println!("\n| theta | truth | n | evidence | what each effect shows |\n|---|---|---|---|---|");
+        for cell in cells.iter().filter(|cell| cell.len() >= 15 && cell[4] == "-") {
+            println!("| {} | {} | {} | {} | {} |", cell[0], cell[1], cell[2], cell[3], cell[14]);
+        }
+    }
+}
+
+/// Exact 95 % interval of a rate: the quantiles of two beta distributions.
+fn clopper_pearson(hits: u32, trials: u32) -> (f64, f64) {
+    let (k, n) = (f64::from(hits), f64::from(trials));
+    let quantile = |p: f64, a: f64, b: f64| {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if beta_i(a, b, middle) < p {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    };
+    let low = if hits == 0 { 0.0 } else { quantile(0.025, k, n - k + 1.0) };
+    let high = if hits == trials { 1.0 } else { quantile(0.975, k + 1.0, n - k) };
+    (low, high)
+}

@@ -1,0 +1,124 @@
+//! A panel: one diagnosis with its direct runs, kept and applied to any number of data sets without a simulation.
+//!
+//! Error rates need thousands of diagnoses of data from one truth. Their optima lie within the noise of each other, so
+//! the direct runs of one of them serve all: metamodels that know these runs stand where a diagnosis of its own would make
+//! new ones. Fits, residual, signatures, tests and verdict are those of the stage, anew for every data set.
+
+use super::anchors::Anchors;
+use super::fit::{self, Surface};
+use super::joint::Contender;
+use super::lab::Lab;
+use super::moments::{Moment, Moments};
+use super::rows;
+use super::verdict::{Case, Examined, attributed, examine, options};
+use crate::config::Measured;
+use crate::stages::models::Models;
+use crate::stages::{Context, StageError};
+use crate::stats::attribution::{Attribution, Options};
+use crate::tables::list::{AttributionRow, ConfusionRow, VerdictRow};
+use nalgebra::DMatrix;
+
+/// A prepared diagnosis.
+pub struct Panel<'a> {
+    examined: Examined<'a>,
+    /// Places of its statistics among those of the examined evidence.
+    kept: Vec<usize>,
+    surface: Surface,
+    contenders: Vec<Contender>,
+}
+
+/// The rows that a score needs.
+pub type PanelRows = (VerdictRow, Vec<AttributionRow>, Vec<ConfusionRow>);
+
+impl<'a> Panel<'a> {
+    /// Diagnoses `reference` with all its simulations; the inner error says why there can be no verdict on it.
+    ///
+    /// # Errors
+    /// Tables that are missing, or runs that cannot be made.
+    pub fn new(context: &'a Context<'a>, reference: &'a Measured) -> Result<Result<Self, String>, StageError> {
+        let models = Models::read(context)?;
+        let mut lab = Lab::new(context);
+        let anchors = Anchors::simulate(context, &mut lab)?;
+        let mut examined = match examine(context, &models, &anchors, &mut lab, reference)? {
+            Ok(examined) => examined,
+            Err(why) => return Ok(Err(why)),
+        };
+        // Another data set may lead to any candidate, so all of them stand on runs, as far as they have a strength.
+        for contender in examined.contenders.iter_mut().filter(|contender| !contender.was_run()) {
+            contender.tie(&examined.case, &mut lab)?;
+        }
+        let all = (0..examined.case.evidence.statistics.len()).collect();
+        Ok(Self::of(examined, all).ok_or_else(|| "an observable could not be measured at the optimum".to_owned()))
+    }
+
+    /// The same panel for the statistics of the KPIs alone.
+    pub fn of_kpis(self) -> Option<Self> {
+        let experiments = self.examined.case.context.config.experiments();
+        let mut observables = experiments.iter().flat_map(|experiment| experiment.observables());
+        let statistics = &self.examined.case.evidence.statistics;
+        let kpis: Vec<&str> = observables.by_ref().filter(|o| o.is_kpi).map(|o| o.name).collect();
+        let kept = self.kept.iter().copied().filter(|place| kpis.contains(&statistics[*place].kpi.as_str())).collect();
+        Self::of(self.examined, kept)
+    }
+
+    fn of(examined: Examined<'a>, kept: Vec<usize>) -> Option<Self> {
+        let case = &examined.case;
+        let surface = examined.surface.knowing(&case.before, &case.optimum)?.restricted(&kept);
+        let contenders = examined.contenders.iter().map(|contender| contender.restricted(&kept)).collect();
+        Some(Self { kept, surface, contenders, examined })
+    }
+
+    /// What the whole diagnosis found for the reference.
+    pub fn reference(&self) -> PanelRows {
+        rows::of(&self.examined.case, &self.examined.attribution)
+    }
+
+    /// Number of statistics and of directions that calibration cannot reach.
+    pub fn size(&self) -> (usize, usize) {
+        (self.kept.len(), self.examined.attribution.evidence)
+    }
+
+    /// The verdict on another data set, which must hold the same observables, with detection limits as of `limits`
+    /// simulated draws; the candidate `without` may not be named. `None` where an observable is missing.
+    ///
+    /// # Errors
+    /// A fit or an attribution that fails.
+    pub fn judge(&self, set: &Measured, without: Option<&str>, limits: usize) -> Result<Option<PanelRows>, StageError> {
+        let Some(case) = self.case(set, without)? else { return Ok(None) };
+        let candidates = self.contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
+        let options = Options { power_draws: limits, ..options(&case) };
+        let attribution: Attribution = attributed(&case, candidates, options)?;
+        Ok(Some(rows::of(&case, &attribution)))
+    }
+
+    /// Another data set beside the runs of the reference.
+    fn case<'s>(&'s self, set: &'s Measured, without: Option<&str>) -> Result<Option<Case<'s>>, StageError> {
+        let known = &self.examined.case;
+        let Some(evidence) = known.evidence.of(&self.kept, set) else { return Ok(None) };
+        let Some(noise) = evidence.noise(&known.before) else { return Ok(None) };
+        let correlation = known.correlation.select_rows(&self.kept).select_columns(&self.kept);
+        let error = |x| self.surface.uncertainty(x, &correlation);
+        let start = [known.optimum.as_slice().to_vec()];
+        let parameters = |start: &[f64]| fit::parameters(known.context.config, set, start);
+        let covariance = &noise.covariance + error(&known.optimum);
+        let fitted = fit::best(&self.surface, &evidence, &covariance, &start, parameters)?;
+        let trends = |i: usize| if evidence.statistics[i].moment == Moment::Trend { 0.0 } else { 1.0 };
+        let all = error(&fitted.parameters);
+        let covariance = DMatrix::from_fn(all.nrows(), all.ncols(), |i, j| trends(i) * trends(j) * all[(i, j)]);
+        let values = self.surface.predict(&fitted.parameters).0.as_slice().to_vec();
+        Ok(Some(Case {
+            context: known.context,
+            set,
+            noise,
+            slopes: self.surface.slopes(&fitted.parameters, &correlation),
+            optimum_covariance: fitted.covariance,
+            at_bound: fitted.at_bound.iter().map(Option::is_some).collect(),
+            before: known.before.clone(),
+            model: Moments { values, covariance },
+            optimum: fitted.parameters,
+            evidence,
+            correlation,
+            left_out: without.map(str::to_owned),
+        }))
+    }
+}
