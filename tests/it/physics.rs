@@ -11,6 +11,7 @@ use std::f64::consts::PI;
 
 mod bridges;
 mod checkpoint;
+mod clumps;
 mod many;
 mod oblique;
 mod outcomes;
