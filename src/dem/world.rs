@@ -32,6 +32,8 @@ pub struct World {
     pub(super) contacts: WallList,
     pub(super) rivals: Rivals,
     pub(super) walls: Vec<WallPiece>,
+    /// Whether any wall moves.
+    moving: bool,
     pub(super) law: Law,
     pub(super) bridges: Option<Bridges>,
     pub(super) gravity: Vec3,
@@ -100,6 +102,7 @@ impl World {
             contacts: WallList::default(),
             rivals: Rivals::default(),
             walls: setup.walls.iter().map(WallPiece::new).collect(),
+            moving: false,
             law: Law::new(setup, time_step),
             bridges: Bridges::new(setup),
             gravity: setup.gravity,
@@ -143,6 +146,7 @@ impl World {
         for wall in &mut world.walls {
             wall.restore(input)?;
         }
+        world.moving = world.walls.iter().any(WallPiece::moves);
         world.skin.restore(world.len(), input)?;
         let (grains, walls) = (world.len(), world.walls.len());
         let lists = world.pairs.is_consistent(grains) && world.contacts.is_consistent(grains, walls);
@@ -160,8 +164,8 @@ impl World {
     pub fn step(&mut self) -> Result<(), Failure> {
         self.skin.age();
         let outrun = self.integrate();
-        for wall in &mut self.walls {
-            wall.advance(self.time_step);
+        if self.moving {
+            self.walls.iter_mut().for_each(|wall| wall.advance(self.time_step));
         }
         self.steps += 1;
         if outrun || self.skin.expired() {
@@ -334,6 +338,7 @@ impl World {
             change(wall);
             found = true;
         }
+        self.moving = self.walls.iter().any(WallPiece::moves);
         if found { self.rebuild().map(|()| true) } else { Ok(false) }
     }
 
