@@ -86,8 +86,11 @@ impl WithSimd for WallForces<'_> {
         let kernel = Kernel { simd, transposer: Transposer(simd) };
         let mut deep = false;
         inherit.clear();
-        // One loop per wall, with its geometry inlined.
+        // One loop per wall, with its geometry inlined. Of a mesh most triangles are listed for no grain and stay unread.
         for (w, wall) in walls.iter().enumerate() {
+            if list.of_wall(w).is_empty() {
+                continue;
+            }
             let mut pass = WallPass { kernel, grains, list, rivals, walls, wall: w, law, inherit };
             deep |= match &wall.surface {
                 Surface::Plane(plane) => pass.run(plane),

@@ -1,7 +1,8 @@
 //! The discrete-element engine: spheres with a linear visco-elastic contact law, sliding and rolling springs, and walls.
 //!
 //! Takes a [`Setup`] and a seed, gives an [`Outcome`] or a [`Failure`] through [`simulate`]; a [`Simulation`] is a run that can be
-//! looked at and stored on the way, [`World`] the engine itself with grains placed by hand. Knows nothing of experiments, KPIs or files, does no input or output, runs on one thread.
+//! looked at and stored on the way, [`World`] the engine itself with grains, or rigid clumps of them, placed by hand. Knows
+//! nothing of experiments, KPIs or files, does no input or output, runs on one thread.
 //!
 //! ```text
 //! setup -> validate -> fill -> world: [ integrate -> (rebuild: skin, grid, lists) -> forces: contact, walls -> bridges ] -> outcome
@@ -13,6 +14,7 @@
 
 pub mod bridges;
 mod checkpoint;
+mod clumps;
 mod contact;
 mod drag;
 mod fill;
@@ -36,6 +38,7 @@ pub mod walls;
 mod world;
 
 pub use checkpoint::{Checkpoint, CheckpointError};
+pub use clumps::{Clump, ClumpMotion};
 pub use observe::{Contact, Partner};
 pub use outcome::{Energies, EventRecord, Failure, Outcome, State, Stop, TracePoint};
 pub use particles::Grain;

@@ -1,10 +1,11 @@
 //! What can be read off a world without changing it: energies, overlaps, coordination number, mass in a region.
 
+use super::clumps::ClumpMotion;
 use super::contact::Springs;
 use super::outcome::Energies;
 use super::particles::touch;
 use super::setup::{Region, Vec3};
-use super::vector::{dot, length, scale, sub, xyz};
+use super::vector::{add, cross, dot, length, scale, sub, xyz};
 use super::walls::{Geometry, keeper};
 use super::world::World;
 
@@ -45,7 +46,12 @@ impl World {
     /// Energies of grains and contacts [J].
     pub fn energies(&self) -> Energies {
         let mut sum = Energies::default();
-        for i in 0..self.len() {
+        for body in self.clumps() {
+            sum.translational += 0.5 * body.mass * dot(body.velocity, body.velocity);
+            sum.rotational += body.rotational;
+            sum.potential -= body.mass * dot(self.gravity, body.centre);
+        }
+        for i in (0..self.len()).filter(|i| self.clumps.of_grain(*i).is_none()) {
             let (v, w) = self.velocities(i);
             let (mass, inertia) = (self.grains.mass(i), 1.0 / self.grains.spin[i][3]);
             sum.translational += 0.5 * mass * dot(v, v);
@@ -79,9 +85,15 @@ impl World {
         let inside = |i: &usize| region.contains(xyz(&self.grains.place[*i]));
         // Summed in order of insertion, so that the sum does not depend on how the grains were last sorted.
         let mut masses: Vec<(u32, f64)> =
-            (0..self.len()).filter(inside).map(|i| (self.grains.id[i], self.grains.mass(i))).collect();
+            (0..self.len()).filter(inside).map(|i| (self.grains.id[i], self.share_of_mass(i))).collect();
         masses.sort_unstable_by_key(|(id, _)| *id);
         masses.iter().fold(0.0, |sum, (_, mass)| sum + mass)
+    }
+
+    /// Mass of a grain; a sphere of a clump has an equal share of it [kg].
+    fn share_of_mass(&self, i: usize) -> f64 {
+        let mass = self.grains.mass(i);
+        self.clumps.of_grain(i).map_or(mass, |body| mass / body.len() as f64)
     }
 
     /// Whether no grain's centre is in the region.
@@ -91,23 +103,29 @@ impl World {
 
     /// Sum of m v [kg m/s].
     pub fn momentum(&self) -> Vec3 {
-        self.sum(|_, mass, v, _| [mass * v[0], mass * v[1], mass * v[2]])
+        self.sum(|_, mass, v, _| scale(v, mass), |body| scale(body.velocity, body.mass))
     }
 
     /// Sum of x × m v + I ω about the origin [kg m²/s]; a period does not conserve it.
     pub fn angular_momentum(&self) -> Vec3 {
-        self.sum(|i, mass, v, w| {
-            let orbital = super::vector::cross(xyz(&self.grains.place[i]), v);
-            let inertia = 1.0 / self.grains.spin[i][3];
-            [0, 1, 2].map(|c| mass * orbital[c] + inertia * w[c])
-        })
+        self.sum(
+            |i, mass, v, w| {
+                let orbital = cross(xyz(&self.grains.place[i]), v);
+                let inertia = 1.0 / self.grains.spin[i][3];
+                [0, 1, 2].map(|c| mass * orbital[c] + inertia * w[c])
+            },
+            |body| add(scale(cross(body.centre, body.velocity), body.mass), body.momentum),
+        )
     }
 
-    fn sum(&self, term: impl Fn(usize, f64, Vec3, Vec3) -> Vec3) -> Vec3 {
-        (0..self.len()).fold([0.0; 3], |sum, i| {
+    /// Sum over the free grains, then over the clumps.
+    fn sum(&self, term: impl Fn(usize, f64, Vec3, Vec3) -> Vec3, of_clump: impl Fn(&ClumpMotion) -> Vec3) -> Vec3 {
+        let free = (0..self.len()).filter(|i| self.clumps.of_grain(*i).is_none());
+        let grains = free.fold([0.0; 3], |sum, i| {
             let (v, w) = self.velocities(i);
-            super::vector::add(sum, term(i, self.grains.mass(i), v, w))
-        })
+            add(sum, term(i, self.grains.mass(i), v, w))
+        });
+        self.clumps().iter().fold(grains, |sum, body| add(sum, of_clump(body)))
     }
 
     /// All touching contacts, with their springs.

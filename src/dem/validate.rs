@@ -1,5 +1,6 @@
 //! Checks a setup before it runs: every number finite and in range, every name known, walls well formed.
 
+use super::clumps::Clump;
 use super::outcome::Failure;
 use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, Vec3, Wall};
 use super::vector::{cross, dot, length, sub};
@@ -36,6 +37,21 @@ pub fn validate(setup: &Setup) -> Result<(), Failure> {
     }
     positive("time cap", setup.stop.time_cap)?;
     not_negative("time of the first stop check", setup.stop.check_after)
+}
+
+/// Refuses clumps that are none, and clumps in a period, whose spheres would not see each other across its ends.
+///
+/// # Errors
+/// [`Failure::InvalidSetup`] with the first thing that is wrong.
+pub fn clumps(setup: &Setup, clumps: &[Clump]) -> Result<(), Failure> {
+    let open = clumps.is_empty() || setup.periodic.is_none();
+    require(open, || "clumps in a period".into(), "take the period away, or give spheres")?;
+    clumps.iter().try_for_each(|clump| {
+        positive("radius of a clump", clump.radius)?;
+        let sound = (1.0..=2.5).contains(&clump.aspect) && clump.axis.iter().all(|c| c.is_finite());
+        let what = || format!("clump of aspect {} along {:?}", clump.aspect, clump.axis);
+        require(sound && length(clump.axis) > 0.0, what, "give an aspect of 1 to 2.5 and a direction")
+    })
 }
 
 fn require(holds: bool, what: impl FnOnce() -> String, remedy: &'static str) -> Result<(), Failure> {

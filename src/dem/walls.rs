@@ -158,9 +158,14 @@ impl WallPiece {
         Some(())
     }
 
+    /// Whether the wall moves.
+    pub fn moves(&self) -> bool {
+        self.velocity != [0.0; 3]
+    }
+
     /// Moves the wall by its velocity over a time [s].
     pub fn advance(&mut self, time: f64) {
-        if self.velocity != [0.0; 3] {
+        if self.moves() {
             self.surface.shift(scale(self.velocity, time));
         }
     }

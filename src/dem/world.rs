@@ -7,6 +7,7 @@
 
 use super::bridges::{self, Bridges, PairBridges};
 use super::checkpoint::Stored;
+use super::clumps::{Clump, ClumpMotion, Clumps};
 use super::contact::{Coefficients, Constants, implicit};
 use super::drag;
 use super::forces::{AcrossForces, MAX_OVERLAP, PairForces, WallForces};
@@ -18,6 +19,7 @@ use super::outcome::{Failure, State};
 use super::particles::{Grain, Particles, touch};
 use super::setup::{Reference, Region, Setup, Vec3, WallSpecies};
 use super::skin::Skin;
+use super::validate;
 use super::vector::{Row4, dot, xyz};
 use super::walls::{Geometry, SAME_POINT, WallPiece};
 use pulp::Arch;
@@ -26,10 +28,13 @@ use pulp::Arch;
 #[derive(Debug, Clone)]
 pub struct World {
     pub(super) grains: Particles,
+    pub(super) clumps: Clumps,
     pub(super) pairs: Pairs,
     pub(super) contacts: WallList,
     pub(super) rivals: Rivals,
     pub(super) walls: Vec<WallPiece>,
+    /// Whether any wall moves.
+    moving: bool,
     pub(super) law: Law,
     pub(super) bridges: Option<Bridges>,
     pub(super) gravity: Vec3,
@@ -71,8 +76,18 @@ impl World {
     /// # Errors
     /// [`Failure`] where grains overlap too far or are not finite to begin with.
     pub fn new(setup: &Setup, grains: &[Grain]) -> Result<Self, Failure> {
+        Self::with_clumps(setup, grains, &[])
+    }
+
+    /// The same with rigid clumps, whose spheres are numbered after the grains.
+    ///
+    /// # Errors
+    /// As [`World::new`], and [`Failure::InvalidSetup`] for a clump without size or beyond an aspect of 2.5, or in a period.
+    pub fn with_clumps(setup: &Setup, grains: &[Grain], clumps: &[Clump]) -> Result<Self, Failure> {
+        validate::clumps(setup, clumps)?;
         let mut world = Self::empty(setup);
         grains.iter().for_each(|grain| world.grains.push(grain, world.density));
+        clumps.iter().for_each(|clump| world.clumps.push(clump, &mut world.grains, world.density));
         world.rebuild()?;
         world.evaluate()?;
         world.shift_velocities(-0.5);
@@ -84,10 +99,12 @@ impl World {
         let time_step = time_step(setup);
         Self {
             grains: Particles::default(),
+            clumps: Clumps::default(),
             pairs: Pairs::default(),
             contacts: WallList::default(),
             rivals: Rivals::default(),
             walls: setup.walls.iter().map(WallPiece::new).collect(),
+            moving: false,
             law: Law::new(setup, time_step),
             bridges: Bridges::new(setup),
             gravity: setup.gravity,
@@ -113,6 +130,7 @@ impl World {
         self.rebuilds.put(out);
         self.gravity.put(out);
         self.grains.put(out);
+        self.clumps.put(out);
         self.pairs.put(out);
         self.contacts.put(out);
         self.walls.iter().for_each(|wall| wall.store(out));
@@ -127,15 +145,17 @@ impl World {
         world.rebuilds = Stored::take(input)?;
         world.gravity = Stored::take(input)?;
         world.grains = Stored::take(input)?;
+        world.clumps = Stored::take(input)?;
         world.pairs = Stored::take(input)?;
         world.contacts = Stored::take(input)?;
         for wall in &mut world.walls {
             wall.restore(input)?;
         }
+        world.moving = world.walls.iter().any(WallPiece::moves);
         world.skin.restore(world.len(), input)?;
         let (grains, walls) = (world.len(), world.walls.len());
         let lists = world.pairs.is_consistent(grains) && world.contacts.is_consistent(grains, walls);
-        if !world.grains.is_consistent() || !lists {
+        if !world.grains.is_consistent() || !world.clumps.is_consistent(grains) || !lists {
             return None;
         }
         world.rivals.index(&world.contacts, grains);
@@ -149,8 +169,8 @@ impl World {
     pub fn step(&mut self) -> Result<(), Failure> {
         self.skin.age();
         let outrun = self.integrate();
-        for wall in &mut self.walls {
-            wall.advance(self.time_step);
+        if self.moving {
+            self.walls.iter_mut().for_each(|wall| wall.advance(self.time_step));
         }
         self.steps += 1;
         if outrun || self.skin.expired() {
@@ -224,6 +244,9 @@ impl World {
 
     /// Velocity and angular velocity at the time of the positions: half a kick after those kept.
     pub(super) fn velocities(&self, i: usize) -> (Vec3, Vec3) {
+        if let Some(body) = self.clumps.of_grain(i) {
+            return body.velocities(xyz(&self.grains.place[i]), &self.grains.load, self.time_step, self.gravity);
+        }
         let (motion, spin, load) = (&self.grains.motion[i], &self.grains.spin[i], &self.grains.load[i]);
         let half = 0.5 * self.time_step;
         let kick = |c: usize| motion[c] + half * (load[c] * motion[3] + self.gravity[c]);
@@ -231,25 +254,33 @@ impl World {
         ([kick(0), kick(1), kick(2)], [turn(0), turn(1), turn(2)])
     }
 
+    /// The clumps as they are, in the order they were given, less those that are gone.
+    pub fn clumps(&self) -> Vec<ClumpMotion> {
+        let motion = |body: &super::clumps::Body| body.motion(&self.grains.load, self.time_step, self.gravity);
+        self.clumps.bodies().iter().map(motion).collect()
+    }
+
     /// Moves the kept velocities by a fraction of a step's kick.
     fn shift_velocities(&mut self, fraction: f64) {
         let step = fraction * self.time_step;
+        self.clumps.gather(&self.grains.load);
         for ((motion, spin), load) in self.grains.motion.iter_mut().zip(&mut self.grains.spin).zip(&self.grains.load) {
             for c in 0..3 {
                 motion[c] += step * (load[c] * motion[3] + self.gravity[c]);
                 spin[c] += step * (load[c + 4] * spin[3]);
             }
         }
+        self.clumps.shift_velocities(step, self.gravity, &mut self.grains);
     }
 
     fn integrate(&mut self) -> bool {
-        self.arch.dispatch(Integration {
-            grains: &mut self.grains,
-            bases: self.skin.bases(),
-            drift: self.skin.offset(),
-            gravity: self.gravity,
-            time_step: self.time_step,
-        })
+        let Self { grains, clumps, skin, gravity, time_step, .. } = self;
+        // The spheres of clumps are moved as if they were free, then put where their clump takes them.
+        clumps.gather(&grains.load);
+        let (bases, drift) = (skin.bases(), skin.offset());
+        let (gravity, time_step) = (*gravity, *time_step);
+        let outrun = self.arch.dispatch(Integration { grains, bases, drift, gravity, time_step });
+        clumps.step(time_step, gravity, grains, bases, drift) | outrun
     }
 
     fn evaluate(&mut self) -> Result<(), Failure> {
@@ -273,7 +304,7 @@ impl World {
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
     }
 
-    /// Removes the grains above a height and gives their number.
+    /// Removes the grains above a height, and clumps with one of them, and gives the number of grains.
     ///
     /// # Errors
     /// [`Failure::NotFinite`] from the rebuild.
@@ -281,6 +312,7 @@ impl World {
         let before = self.len();
         self.spare.keep.clear();
         self.spare.keep.extend(self.grains.place.iter().map(|place| reference.height(place) <= height));
+        self.clumps.keep_whole(&mut self.spare.keep);
         let kept = self.spare.keep.iter().filter(|keep| **keep).count();
         self.rebuild_kept()?;
         Ok(before - kept)
@@ -319,6 +351,7 @@ impl World {
             change(wall);
             found = true;
         }
+        self.moving = self.walls.iter().any(WallPiece::moves);
         if found { self.rebuild().map(|()| true) } else { Ok(false) }
     }
 
@@ -343,17 +376,20 @@ impl World {
         if let Some(ends) = self.period {
             self.grains.place.iter_mut().for_each(|place| place[1] = wrapped(place[1], ends));
         }
+        let kept = |keep: &[bool]| keep.iter().filter(|keep| **keep).count();
+        let before = kept(&self.spare.keep);
         for (keep, place) in self.spare.keep.iter_mut().zip(&self.grains.place) {
-            let inside = self.domain.contains(xyz(place));
-            self.lost += usize::from(*keep && !inside);
-            *keep &= inside;
+            *keep &= self.domain.contains(xyz(place));
         }
+        self.clumps.keep_whole(&mut self.spare.keep);
+        self.lost += before - kept(&self.spare.keep);
         self.rebuilds += 1;
         let rupture = self.bridges.as_ref().map_or(0.0, |law| law.rupture_gap(1.0));
         let widest = self.skin.renew(&self.grains, &self.walls, rupture);
         self.spare.grid.sort(&self.grains.place, &self.spare.keep, 2.0 * widest);
         std::mem::swap(&mut self.grains, &mut self.spare.grains);
         self.grains.gather(&self.spare.grains, &self.spare.grid.order);
+        self.clumps.reorder(&self.spare.grid.order, self.spare.grains.len());
         self.skin.reorder(&self.grains, &self.spare.grid.order);
         self.list_pairs(rupture);
         if let Some(ends) = self.period {
@@ -382,11 +418,14 @@ impl World {
 
     fn list_pairs(&mut self, rupture: f64) {
         std::mem::swap(&mut self.pairs, &mut self.spare.pairs);
-        let Self { grains, pairs, law, skin, spare, .. } = self;
+        let Self { grains, clumps, pairs, law, skin, spare, .. } = self;
         pairs.clear();
         skin.reaches(&grains.place, rupture, &mut spare.reach);
         let order = &spare.grid.order;
         spare.grid.pairs(&spare.reach, &mut spare.hits, |i, j| {
+            if clumps.joins(i, j) {
+                return;
+            }
             let fresh = || pair_constants(grains, law, i, j);
             let touching = touch(&grains.place[i], &grains.place[j]);
             pairs.push(touching, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
@@ -607,6 +646,36 @@ mod tests {
         if let Some(v3) = pulp::x86::V3::try_new() {
             assert_eq!(scalar, end(Arch::V3(v3)), "AVX2");
         }
+    }
+
+    /// Clumps among grains on a slope, from a checkpoint on the way, at every width.
+    #[test]
+    fn clumps_go_on_from_a_checkpoint_at_any_vector_width() {
+        let setup = setup();
+        let grains = fill(&setup, 2).unwrap().grains;
+        let (bound, free) = grains.split_at(grains.len() / 2);
+        let clump = |(k, grain): (usize, &Grain)| Clump {
+            radius: 0.6 * grain.radius,
+            aspect: 1.2 + 0.2 * (k % 5) as f64,
+            axis: [1.0, 0.3 * k as f64, 0.5],
+            position: grain.position,
+            velocity: [0.0; 3],
+            spin: [1.0, 2.0, 3.0],
+        };
+        let clumps: Vec<Clump> = bound.iter().enumerate().map(clump).collect();
+        let start = |arch| World { arch, ..World::with_clumps(&setup, free, &clumps).unwrap() };
+        let steps = |world: &mut World, count| (0..count).for_each(|_| world.step().unwrap());
+        let mut undisturbed = start(Arch::Scalar);
+        steps(&mut undisturbed, 3000);
+        assert!(undisturbed.coordination_number() > 0.5 && undisturbed.clumps().len() > 5);
+        let mut world = start(Arch::new());
+        steps(&mut world, 1500);
+        let mut bytes = Vec::new();
+        world.store(&mut bytes);
+        let mut world = World { arch: Arch::new(), ..World::restore(&setup, &mut &bytes[..]).unwrap() };
+        steps(&mut world, 1500);
+        assert_eq!(world.state(), undisturbed.state());
+        assert_eq!(world.clumps(), undisturbed.clumps());
     }
 
     /// A checkpoint holds nothing of the width: taken at one, continued at another, it ends with the same bits.

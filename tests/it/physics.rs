@@ -12,6 +12,7 @@ use std::f64::consts::PI;
 mod bridges;
 mod changes;
 mod checkpoint;
+mod clumps;
 mod many;
 mod oblique;
 mod outcomes;
