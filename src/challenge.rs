@@ -343,6 +343,7 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
     let in_library = row.is_some_and(|row| row.part != LEFT_OUT);
     let quiet = verdict.verdict == "no_detectable_discrepancy";
     let none = verdict.verdict == "none_of_the_candidates";
+    let one_or_class = matches!(verdict.verdict.as_str(), "effect" | "class") && named.len() <= LARGEST_CLASS;
     let detectable = row.and_then(|row| row.strength_90);
     let decidable = hidden.zip(row).filter(|_| !in_library).map(|((_, strength), row)| {
         let nearest = solution.nearest(row, *strength).map_or(0.0, |(_, likeness)| likeness);
@@ -353,11 +354,11 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
         None => quiet,
         Some((name, strength)) if in_library => {
             let weak = detectable.is_none_or(|limit| strength.abs() < limit.abs());
-            (named.len() <= LARGEST_CLASS && named.contains(name)) || (weak && quiet)
+            (one_or_class && named.contains(name)) || (weak && quiet)
         }
         Some((_, strength)) => {
             let nearest = row.and_then(|row| solution.nearest(row, *strength));
-            let taken = nearest.is_some_and(|(name, _)| named.len() <= LARGEST_CLASS && named.contains(&name));
+            let taken = nearest.is_some_and(|(name, _)| one_or_class && named.contains(&name));
             none || (decidable == Some(false) && (taken || quiet))
         }
     };

@@ -194,7 +194,13 @@ fn answers_are_scored_as_the_truth_allows() {
     let strong = Some(("cohesion", 0.8));
     let told = |verdict| is_right(strong, false, verdict, "named", 0.0);
     assert!(told(("effect", "cohesion")) && told(("class", "tilt,cohesion")) && told(("class", "a,b,cohesion")));
-    assert!(!told(("class", "a,b,c,cohesion")) && !told(("effect", "tilt")) && !told(quiet) && !told(none));
+    assert!(
+        !told(("pair", "cohesion,tilt"))
+            && !told(("class", "a,b,c,cohesion"))
+            && !told(("effect", "tilt"))
+            && !told(quiet)
+            && !told(none)
+    );
     // Below the detection limit nothing need be seen.
     let weak = |verdict| is_right(Some(("cohesion", 0.4)), false, verdict, "named", 0.0);
     assert!(weak(quiet) && weak(("effect", "cohesion")) && !weak(none) && !weak(("effect", "tilt")));

@@ -7,6 +7,8 @@ use super::verdict::Case;
 use crate::stats::attribution::{Attribution, Candidate, EffectReport, Signature, Status, Verdict};
 use crate::tables::list::{AttributionRow, ConfusionRow, ResidualRow, SignatureRow, VerdictRow};
 
+/// Size aη at which an effect is usually detected.
+const DETECTABLE: f64 = 5.0;
 /// Observables that a verdict names as carrying what is left.
 const CARRIERS: usize = 4;
 
@@ -166,9 +168,17 @@ fn part(attribution: &Attribution, effect: &EffectReport) -> &'static str {
         (Status::AbsorbedByCalibration, _) => "absorbed",
         (Status::SignatureNotResolved, _) => "unresolved",
         (Status::NotTestable(_), _) => "not_testable",
+        (Status::Testable, _) if hidden && is_absorbed(effect) => "absorbed",
         (Status::Testable, _) if hidden => "not_testable",
         (Status::Testable, _) => "rejected",
     }
+}
+
+/// Whether an effect that no strength of its range would show would be seen if calibration left it alone: η₉₀ is about
+/// 5/a, and most of the signature is gone.
+fn is_absorbed(effect: &EffectReport) -> bool {
+    let end = effect.detection.iter().map(|limit| limit.side.abs()).fold(0.0, f64::max);
+    effect.visibility < 0.5 && effect.a * end >= DETECTABLE * effect.visibility.sqrt()
 }
 
 fn confusion(case: &Case, attribution: &Attribution) -> Vec<ConfusionRow> {
