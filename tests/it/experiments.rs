@@ -277,9 +277,11 @@ fn a_key_holds_exactly_the_settings_that_move_setup_or_measurement() {
     }
 }
 
-/// The defaults, but with the kind of size distribution that reads the setting, and with sieves to pass.
+/// The defaults, but with fines, with knocks, and with the kind of size distribution that reads the setting.
 fn where_it_speaks(name: &str) -> Settings {
     let mut settings = Settings::default();
+    settings.set("fines_fraction", 0.1).unwrap();
+    settings.set("bulk_density.tap_height", 0.01).unwrap();
     for kind in ["rosin_rammler", "sieve"].into_iter().filter(|kind| name.starts_with(kind)) {
         settings.set_text("size_distribution", kind).unwrap();
         for (number, (size, _)) in SIEVES.iter().enumerate() {
