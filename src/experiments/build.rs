@@ -52,8 +52,8 @@ fn rolling_spread(settings: &Settings) -> f64 {
 
 fn fines(settings: &Settings, scale: f64) -> Option<Fines> {
     let fraction = settings["fines_fraction"];
-    let smallest = settings["radius_mean"] - settings["radius_cut_below"] * settings["radius_sd"];
-    (fraction > 0.0).then(|| Fines { fraction, radius: settings["fines_size"] * smallest * scale })
+    let radius = || settings["fines_size"] * sizes(settings, scale).smallest();
+    (fraction > 0.0).then(|| Fines { fraction, radius: radius() })
 }
 
 /// Contact law; k_p ∝ r by eq. 1, so it carries the same scale as the radii.
