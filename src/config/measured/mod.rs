@@ -3,15 +3,17 @@
 //! Takes a CSV or Parquet file, or a folder of them; gives values in SI (angles in degrees) that are known to be right,
 //! or every problem with file, line and remedy. Single values have the columns experiment, repetition, kpi, value, unit;
 //! summaries have experiment, kpi, mean, sd, n, unit; the header decides, and a column `note` may stand in both. `kpi`
-//! is any observable of the experiment, so the extra observables of a test stand beside its KPI.
+//! is any observable of the experiment, so the extra observables of a test stand beside its KPI. Raw records have
+//! experiment, repetition and a sample: time and force of a load cell, or x and z of an outline (`crate::experiments`).
 //! Deliberately repairs nothing: a row is taken as it stands or refused.
 
-mod raw;
+pub(in crate::config) mod raw;
 mod rows;
 #[cfg(test)]
 mod tests;
 
 use super::problem::{Place, Problem, Problems};
+use crate::settings::Settings;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -56,14 +58,25 @@ pub struct Measured {
     pub summaries: Vec<MeasuredSummary>,
     /// The files it was read from, sorted, for content digests.
     pub files: Vec<PathBuf>,
+    /// Whether values were read off raw records, so that they depend on the settings of the measurement too.
+    pub raw: bool,
 }
 
 impl Measured {
-    /// Reads the data set `name` from a `.csv` or `.parquet` file, or from all such files of a folder.
+    /// Reads the data set `name` from a `.csv` or `.parquet` file, or from all such files of a folder; raw records are
+    /// read with the default settings of the measurement.
     ///
     /// # Errors
     /// All problems of all files, sorted by file and line.
     pub fn read(name: &str, path: &Path) -> Result<Self, Problems> {
+        Self::read_as(name, path, &Settings::default())
+    }
+
+    /// The same with raw records read as `settings` say.
+    ///
+    /// # Errors
+    /// All problems of all files, sorted by file and line.
+    pub fn read_as(name: &str, path: &Path, settings: &Settings) -> Result<Self, Problems> {
         let files = files_of(path)?;
         let mut collector = rows::Collector::default();
         for file in &files {
@@ -72,8 +85,8 @@ impl Measured {
                 Err(problem) => collector.problem(problem),
             }
         }
-        let (values, summaries) = collector.finish()?;
-        Ok(Self { name: name.to_owned(), values, summaries, files })
+        let (values, summaries, raw) = collector.finish(settings)?;
+        Ok(Self { name: name.to_owned(), values, summaries, files, raw })
     }
 
     /// Mean, standard deviation and n of every observable, sorted by experiment and kpi: published, or computed from

@@ -17,7 +17,7 @@ fn collect(files: &[(&str, &str)]) -> Result<(Vec<MeasuredValue>, Vec<MeasuredSu
             Err(problem) => collector.problem(problem),
         }
     }
-    collector.finish()
+    collector.finish(&Settings::default()).map(|(values, summaries, _)| (values, summaries))
 }
 
 /// The message about `text` as file `m.csv`.
@@ -43,7 +43,7 @@ fn single_values_are_converted_sorted_and_summarised() {
             ("pile_shelf_mass", 2, 0.412)
         ]
     );
-    let set = Measured { name: "m".to_owned(), values, summaries, files: Vec::new() };
+    let set = Measured { name: "m".to_owned(), values, summaries, files: Vec::new(), raw: false };
     let angle = set.statistic("angle_of_repose").unwrap();
     assert_eq!((angle.mean, angle.n, angle.unit, angle.experiment), (25.0, 2, "deg", "pile"));
     assert!((angle.sd - 0.5_f64.sqrt()).abs() < 1e-15);
@@ -58,7 +58,7 @@ fn the_first_n_values_are_those_with_the_lowest_repetitions() {
         format!("{text}bulk_density,{repetition},bulk_density,{value},kg/m3\n")
     });
     let (values, summaries) = collect(&[("m.csv", &text)]).unwrap();
-    let set = Measured { name: "m".to_owned(), values, summaries, files: Vec::new() };
+    let set = Measured { name: "m".to_owned(), values, summaries, files: Vec::new(), raw: false };
     let means: Vec<_> =
         [2, 3, 9].iter().map(|n| (set.statistics_of_first(*n)[0].mean, set.statistics_of_first(*n)[0].n)).collect();
     assert_eq!(means, [(1475.0, 2), (1480.0, 3), (1480.0, 3)]);
