@@ -222,13 +222,7 @@ fn data(rows: &[KpiRow], pick: &dyn Fn(&str) -> Vec<u32>, density: Option<f64>, 
     let (sd, n) = WEIGHINGS;
     let weighings: Vec<f64> =
         density.iter().flat_map(|mean| (0..n).map(move |_| mean)).map(|mean| mean + sd * stream.normal()).collect();
-    Measured {
-        name: NAME.to_owned(),
-        values,
-        summaries: Vec::new(),
-        properties: property(&weighings),
-        files: Vec::new(),
-    }
+    Measured { name: NAME.to_owned(), values, properties: property(&weighings), ..Measured::default() }
 }
 
 fn property(values: &[f64]) -> Vec<granulake::config::MeasuredSummary> {

@@ -3,6 +3,7 @@
 //! Data goes to stdout, everything else to stderr. Exit codes: 0 done; 1 failed, with the reason on stderr; 2 wrong
 //! usage; 3 `fsck` found damage, or `status` found stale stages; 4 a run of `repro` ended with failed simulations.
 
+mod bounds;
 mod challenge;
 mod diff;
 mod fsck;
@@ -11,6 +12,7 @@ mod init;
 mod output;
 mod plan;
 mod query;
+mod repetitions;
 mod repro;
 mod schemas;
 mod sim;
@@ -47,8 +49,10 @@ something stale; 4 done, but some simulations failed (rows with status `failed` 
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Bounds(bounds::Arguments),
     Init(init::Arguments),
     Plan(plan::Arguments),
+    Repetitions(repetitions::Arguments),
     Repro(repro::Arguments),
     Status(status::Arguments),
     Why(why::Arguments),
@@ -92,8 +96,10 @@ pub fn run(cli: Cli) -> ExitCode {
 fn dispatch(cli: &Cli) -> Result<Outcome, CliError> {
     let study = cli.study.as_path();
     match &cli.command {
+        Command::Bounds(arguments) => bounds::run(study, arguments),
         Command::Init(arguments) => init::run(arguments),
         Command::Plan(arguments) => plan::run(study, arguments),
+        Command::Repetitions(arguments) => repetitions::run(study, arguments),
         Command::Repro(arguments) => repro::run(study, arguments),
         Command::Status(arguments) => status::run(study, arguments),
         Command::Why(arguments) => why::run(study, arguments),

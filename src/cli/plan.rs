@@ -4,9 +4,11 @@ use super::output::aligned;
 use super::repro::stage;
 use super::{CliError, Outcome};
 use crate::campaign::{Campaign, Options};
+use crate::config::points::EXTRA;
 use crate::pipeline::plan::{State, Step, assess, selection};
 use crate::pipeline::{PipelineError, Study};
-use crate::stages::{Stage, find};
+use crate::stages::{self, Stage, find};
+use crate::units::canonical;
 use clap::Args;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -22,6 +24,10 @@ Examples:
   granulake plan
   granulake plan train
   granulake --study studies/fransen2022.toml plan --json
+  granulake plan --suggest 10 > points.csv     then points = \"points.csv\" under [design], and repro
+
+--suggest asks the metamodels `sk` where study.repetitions more runs lower their error most: at new points, or at points
+of the design (Binois et al. 2019). The rows go to stdout as CSV, those chosen before first.
 
 Costs come from the simulations timed so far: those of this plan, else all of the same experiment in this store; before
 the first one, a minute each is assumed and said.
@@ -32,6 +38,9 @@ pub struct Arguments {
     /// Repetitions, instead of study.repetitions.
     #[arg(long, value_name = "N")]
     reps: Option<u32>,
+    /// Instead of the plan, say where to simulate next: this many new points or repetitions of points, as CSV.
+    #[arg(long, value_name = "N", conflicts_with_all = ["stage", "json"], value_parser = clap::value_parser!(u32).range(1..=1000))]
+    suggest: Option<u32>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -39,8 +48,30 @@ pub struct Arguments {
 
 /// Prints the plan of the study.
 pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
+    if let Some(wished) = arguments.suggest {
+        return suggest(&Study::load_with(path, arguments.reps)?, wished as usize);
+    }
     let target = stage(arguments.stage.as_deref())?;
     print(&Study::load_with(path, arguments.reps)?, target, arguments.json)
+}
+
+/// Prints the rows of a points file.
+fn suggest(study: &Study, wished: usize) -> Result<Outcome, CliError> {
+    let campaign = study.campaign(Options::default())?;
+    let stale =
+        assess(study, &study.lock()?).into_iter().find(|step| step.stage == "train" && step.state != State::Fresh);
+    if stale.is_some() {
+        return Err("the metamodels are not up to date; run `granulake repro train`".into());
+    }
+    let rows = stages::suggest(&study.context(&campaign), wished)?;
+    let mut out = std::io::stdout().lock();
+    let names: Vec<&str> = study.config.parameters.iter().map(|parameter| parameter.name).collect();
+    writeln!(out, "{},{EXTRA},note", names.join(","))?;
+    for row in rows {
+        let values: Vec<String> = row.point.values.iter().map(|value| canonical(*value)).collect();
+        writeln!(out, "{},{},{}", values.join(","), row.point.extra, row.note)?;
+    }
+    Ok(Outcome::Done)
 }
 
 /// Prints the plan up to `target`.

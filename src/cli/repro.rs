@@ -23,7 +23,7 @@ Examples:
   granulake repro --reps 5           five repetitions instead of those of the study
   granulake --study studies/fransen2022.toml repro simulate --jobs 8
 
-Stages: sample, simulate, kpi, aggregate, train, calibrate, verify, validate, diagnose, report.
+Stages: sample, simulate, kpi, aggregate, train, analyse, feasibility, calibrate, verify, validate, diagnose, report.
 A kill at any moment loses at most the simulations in flight; the next repro continues.")]
 pub struct Arguments {
     /// Last stage; all stages when left out.
@@ -73,7 +73,7 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     repro(&study, &request, |stage, action| {
         let seconds = clock.elapsed().as_secs_f64();
         clock = Instant::now();
-        eprintln!("{stage:<10} {:<9} {seconds:7.1} s", action.word());
+        eprintln!("{stage:<11} {:<9} {seconds:7.1} s", action.word());
         done.push(json!({"stage": stage, "action": action.word()}));
     })?;
     finish(&study, target, arguments.json, &done)

@@ -119,6 +119,7 @@ pub const SECTIONS: &[Section] = &[
         meaning: "parameters that were measured by themselves",
     },
     Section { path: "statistics", shape: Shape::Table(STATISTICS), meaning: "intervals" },
+    Section { path: "analysis", shape: Shape::Table(ANALYSIS), meaning: "what is asked of the measured data" },
     Section {
         path: "metamodel",
         shape: Shape::Table(METAMODEL),
@@ -186,12 +187,25 @@ const FITTED: &[Key] =
 
 const DESIGN: &[Key] = &[
     key("boundary_levels", Kind::Count(0, 9), "3", "levels of the full factorial that covers the boundary; 0 = none"),
-    key("interior", Kind::Count(0, MANY), "20", "Latin hypercube points, spread conditional on the boundary points"),
+    key("interior", Kind::Count(0, MANY), "20", "points inside"),
+    key(
+        "filling",
+        Kind::Choice(&["auto", "latin", "sobol"]),
+        "\"auto\"",
+        "how the inside is filled: Latin hypercube spread conditional on the boundary points, Sobol sequence, or the first \
+         up to four parameters and the second beyond",
+    ),
     key(
         "added",
         Kind::Count(0, 1000),
         "0",
         "points put in later, each as far as can be from all before; no other point moves, so every run is kept",
+    ),
+    key(
+        "points",
+        Kind::Text,
+        "\"\"",
+        "CSV or Parquet file with points to add or to repeat more often, as `plan --suggest` writes it; empty = none",
     ),
     key("validation", Kind::Count(0, MANY), "8", "points the metamodels are judged by, never trained on"),
 ];
@@ -223,6 +237,22 @@ const STATISTICS: &[Key] = &[
         "\"correct\"",
         "n - 1 degrees of freedom, or the figures as the paper prints them",
     ),
+];
+
+const ANALYSIS: &[Key] = &[
+    key(
+        "precision",
+        Kind::Number("1", 1e-4, 1.0),
+        "\"2 %\"",
+        "wished half width of the mean's interval over the mean; the report says how many repetitions it takes",
+    ),
+    key(
+        "stability",
+        Kind::Number("1", 1e-4, 1.0),
+        "\"1 %\"",
+        "band around the last mean; the report says from which repetition on the mean stays in it (Fig. 6)",
+    ),
+    key("lilliefors_draws", Kind::Count(100, MANY), "10000", "simulated samples behind the p-value of normality"),
 ];
 
 const METAMODEL: &[Key] = &[

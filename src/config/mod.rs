@@ -9,6 +9,7 @@ mod cross;
 mod declare;
 pub mod measured;
 mod nearest;
+pub mod points;
 mod problem;
 mod read;
 pub mod schema;
@@ -18,10 +19,11 @@ mod values;
 
 pub use measured::{Measured, MeasuredSummary, MeasuredValue};
 pub use nearest::{nearest, suggestion};
+pub use points::ChosenPoint;
 pub use problem::{Place, Problem, Problems};
 pub use types::{
-    Accept, Approach, Calibrate, Design, Diagnose, Effects, MeasuredSource, Metamodel, MetamodelKind, Parameter, Prior,
-    RbmNoise, Resolution, Scale, Statistics, Study, Thresholds, Validate, Verify,
+    Accept, Analysis, Approach, Calibrate, Design, Diagnose, Effects, Filling, MeasuredSource, Metamodel,
+    MetamodelKind, Parameter, Prior, RbmNoise, Resolution, Scale, Statistics, Study, Thresholds, Validate, Verify,
 };
 
 use crate::experiments::{EXPERIMENTS, Experiment};
@@ -58,12 +60,16 @@ pub struct Config {
     pub parameters: Vec<Parameter>,
     /// Numbers of sample points.
     pub design: Design,
+    /// Points that somebody chose, in the order of their file.
+    pub chosen: Vec<ChosenPoint>,
     /// Measured data sets, in the order of the file; at least one.
     pub measured: Vec<MeasuredSource>,
     /// Parameters that were measured by themselves.
     pub priors: Vec<Prior>,
     /// Intervals.
     pub statistics: Statistics,
+    /// What is asked of the measured data.
+    pub analysis: Analysis,
     /// Metamodels.
     pub metamodel: Metamodel,
     /// Calibration.
@@ -209,7 +215,9 @@ impl Config {
     /// # Errors
     /// All problems of all files.
     pub fn read_measured(&self) -> Result<Vec<Measured>, Problems> {
-        let read = |source: &MeasuredSource| Measured::read(&source.name, &self.resolve(&source.path));
+        let read = |source: &MeasuredSource| {
+            Measured::read_as(&source.name, &self.resolve(&source.path), self.base_settings())
+        };
         let (mut sets, mut problems) = (Vec::new(), Vec::new());
         for source in &self.measured {
             match read(source) {
@@ -225,7 +233,11 @@ impl Config {
             cross::check(&mut reading, &file.display().to_string());
         }
         Problems::none_in(std::mem::take(&mut reading.problems))?;
-        Ok(Self::build(reading, file))
+        let mut config = Self::build(reading, file);
+        if let Some(path) = types::points_file(&config.reading.values) {
+            config.chosen = points::read(&config.resolve(&path), &config.parameters)?;
+        }
+        Ok(config)
     }
 
     fn build(reading: Reading, file: &Path) -> Self {
@@ -236,9 +248,11 @@ impl Config {
         Self {
             parameters: specs.map(|spec| types::parameter(values, spec)).collect(),
             design: types::design(values),
+            chosen: Vec::new(),
             measured: ids("measured").map(|id| types::measured(values, id)).collect(),
             priors: ids("prior").filter_map(|id| types::prior(values, id)).collect(),
             statistics: types::statistics(values),
+            analysis: types::analysis(values),
             metamodel: types::metamodel(values),
             calibrate: types::calibrate(values),
             verify: types::verify(values, study.repetitions),

@@ -71,6 +71,18 @@ words! {
 }
 
 words! {
+    /// How the inside of the parameter space is filled.
+    Filling {
+        /// Latin hypercube up to four parameters, Sobol sequence beyond.
+        Auto = "auto",
+        /// Latin hypercube spread conditional on the points that are there.
+        Latin = "latin",
+        /// Shifted Sobol sequence.
+        Sobol = "sobol",
+    }
+}
+
+words! {
     /// Kind of metamodel.
     MetamodelKind {
         /// Interpolation-based: noiseless processes for mean and coefficient of variation.
@@ -167,10 +179,18 @@ pub struct Design {
     pub boundary_levels: u32,
     /// Points inside.
     pub interior: u32,
+    /// How the inside is filled.
+    pub filling: Filling,
     /// Points put in later.
     pub added: u32,
     /// Points for validation only.
     pub validation: u32,
+}
+
+/// The file of points that somebody chose, relative to the study's folder; `None` without one.
+pub(super) fn points_file(values: &Values) -> Option<PathBuf> {
+    let text = values.text("design.points").trim();
+    (!text.is_empty()).then(|| PathBuf::from(text))
 }
 
 /// Where a measured data set lies.
@@ -208,6 +228,17 @@ pub struct Statistics {
     pub confidence: f64,
     /// Degrees of freedom.
     pub convention: Convention,
+}
+
+/// What is asked of the measured data.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Analysis {
+    /// Wished half width of the mean's interval over the mean.
+    pub precision: f64,
+    /// Half width of the band around the last mean, over that mean.
+    pub stability: f64,
+    /// Simulated samples behind the p-value of normality.
+    pub lilliefors_draws: u32,
 }
 
 /// Metamodels.
@@ -367,6 +398,7 @@ pub(super) fn design(values: &Values) -> Design {
     Design {
         boundary_levels: values.count32("design.boundary_levels"),
         interior: values.count32("design.interior"),
+        filling: Filling::admitted(values.text("design.filling")),
         added: values.count32("design.added"),
         validation: values.count32("design.validation"),
     }
@@ -398,6 +430,14 @@ pub(super) fn statistics(values: &Values) -> Statistics {
     Statistics {
         confidence: values.number("statistics.confidence"),
         convention: if paper { Convention::Paper } else { Convention::Correct },
+    }
+}
+
+pub(super) fn analysis(values: &Values) -> Analysis {
+    Analysis {
+        precision: values.number("analysis.precision"),
+        stability: values.number("analysis.stability"),
+        lilliefors_draws: values.count32("analysis.lilliefors_draws"),
     }
 }
 

@@ -80,6 +80,10 @@ impl Experiment for Hopper {
         })
     }
 
+    fn from_force(&self) -> &'static [&'static str] {
+        &["discharge_rate", "hopper_emptying_time", "hopper_mass"]
+    }
+
     fn measure(&self, settings: &Settings, _state: &State, trace: &[TracePoint]) -> Vec<Measurement> {
         let gain = 1.0 + settings["hopper.load_cell_gain"];
         let discharge = Discharge::new(trace, settings["hopper.release_time"], settings["hopper.clogged_share"]);

@@ -92,6 +92,10 @@ impl Experiment for Ledge {
         })
     }
 
+    fn from_outline(&self) -> &'static [&'static str] {
+        &["angle_of_movement", "ledge_back_height", "ledge_roughness", "ledge_curvature"]
+    }
+
     fn measure(&self, settings: &Settings, state: &State, _trace: &[TracePoint]) -> Vec<Measurement> {
         let view = View::new(settings, settings["ledge.depth"], scale(settings));
         let grains = view.picture(state);

@@ -10,9 +10,11 @@ mod hopper;
 mod ledge;
 mod pile;
 mod profile;
+mod raw;
 mod reason;
 
 pub use profile::{Grain, Slope, View, Window};
+pub use raw::{Raw, observe};
 pub use reason::Reason;
 
 use crate::dem::{Setup, State, TracePoint};
@@ -50,6 +52,14 @@ pub trait Experiment: Sync {
     fn setup(&self, settings: &Settings) -> Result<Setup, SetupError>;
     /// One entry per observable, in their order, from the final grains and the trace of a run with these settings.
     fn measure(&self, settings: &Settings, state: &State, trace: &[TracePoint]) -> Vec<Measurement>;
+    /// Observables that the force on a load cell over time shows by itself.
+    fn from_force(&self) -> &'static [&'static str] {
+        &[]
+    }
+    /// Observables that the outline in a picture shows by itself.
+    fn from_outline(&self) -> &'static [&'static str] {
+        &[]
+    }
 }
 
 /// Settings that are each allowed but together describe no apparatus.

@@ -91,6 +91,14 @@ impl Experiment for Pile {
         })
     }
 
+    fn from_force(&self) -> &'static [&'static str] {
+        &["pile_t50", "pile_rate"]
+    }
+
+    fn from_outline(&self) -> &'static [&'static str] {
+        &["angle_of_repose", "pile_angle_difference", "pile_roughness", "pile_apex_height"]
+    }
+
     fn measure(&self, settings: &Settings, state: &State, trace: &[TracePoint]) -> Vec<Measurement> {
         let names = OBSERVABLES.iter().map(|observable| observable.name);
         let arch = arch_mass(settings, state);

@@ -2,12 +2,12 @@
 
 use super::Study;
 use crate::canonical::{Digest, Encoder, digest};
+use crate::config::Measured;
 use crate::stages::{STAGES, Stage};
 use crate::store::{Lock, StageLock, lock::Change, table};
 use crate::tables::TableSpec;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::PathBuf;
 
 const MEASURED_CONTEXT: &str = "granulake 2026 measured data v1";
 const STAGE_CONTEXT: &str = "granulake 2026 stage key v1";
@@ -152,18 +152,21 @@ pub fn recipe(study: &Study, lock: &Lock, stage: &Stage) -> Recipe {
         .filter_map(|path| outputs.get(path.as_str()).map(|digest| (path.clone(), *digest)))
         .collect();
     if stage.measured {
-        inputs.extend(study.measured.iter().map(|set| (format!("measured {}", set.name), content(&set.files))));
+        inputs.extend(study.measured.iter().map(|set| (format!("measured {}", set.name), content(set))));
     }
     Recipe { key: key(stage, &settings, &inputs), settings, inputs }
 }
 
-/// Digest of the bytes of some files, whatever they are called. A file that is gone counts as empty: reading the data
-/// has failed by then with a better message.
-fn content(files: &[PathBuf]) -> Digest {
+/// Digest of the bytes of the files of a data set, whatever they are called, and of the values that were read off raw
+/// records. A file that is gone counts as empty: reading the data has failed by then with a better message.
+fn content(set: &Measured) -> Digest {
     let mut encoder = Encoder::new();
-    encoder.list(files.len());
-    for file in files {
+    encoder.list(set.files.len());
+    for file in &set.files {
         encoder.bytes(&std::fs::read(file).unwrap_or_default());
+    }
+    for value in set.values.iter().filter(|_| set.raw) {
+        encoder.u64(value.value.to_bits());
     }
     digest(MEASURED_CONTEXT, &encoder)
 }

@@ -19,9 +19,10 @@ mod words;
 use std::collections::BTreeSet;
 
 use crate::tables::{
-    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, HyperparameterRow, KpiRow,
-    MetamodelRow, OptimumRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SignatureRow, TargetRow,
-    ValidationRow, VerdictRow, VerificationRow,
+    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, DesignQualityRow, FeasibilityRow,
+    HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow, MetamodelRow, OptimumRow, PosteriorRow,
+    PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SensitivityRow, SignatureRow,
+    TargetRow, ValidationRow, VerdictRow, VerificationRow,
 };
 
 /// How close the study's set-up is to the paper's.
@@ -104,6 +105,8 @@ pub struct Report {
     pub study: Study,
     /// Design of experiments.
     pub samples: Vec<SampleRow>,
+    /// How evenly it fills the unit cube.
+    pub design_quality: Vec<DesignQualityRow>,
     /// Simulations of every stage: design, optima, held-out equipment, diagnosis.
     pub runs: Vec<RunRow>,
     /// Observables of these simulations.
@@ -114,12 +117,24 @@ pub struct Report {
     pub metamodels: Vec<MetamodelRow>,
     /// Numbers that rebuild them.
     pub hyperparameters: Vec<HyperparameterRow>,
+    /// Which parameter moves which KPI.
+    pub sensitivity: Vec<SensitivityRow>,
+    /// Measured means and scatter for every number of repetitions.
+    pub measured_statistics: Vec<MeasuredStatisticRow>,
+    /// Stability, normality and repetitions needed of every measured observable.
+    pub measured_analysis: Vec<MeasuredAnalysisRow>,
+    /// Whether the design brackets the measured means.
+    pub feasibility: Vec<FeasibilityRow>,
     /// Measured statistics.
     pub targets: Vec<TargetRow>,
     /// Searches for the optimum.
     pub calibrations: Vec<CalibrationRow>,
     /// Calibrated parameters.
     pub optima: Vec<OptimumRow>,
+    /// Draws of the parameters given the measurements.
+    pub posterior: Vec<PosteriorRow>,
+    /// Distribution of every parameter given the measurements.
+    pub posterior_summary: Vec<PosteriorSummaryRow>,
     /// What the metamodels predict there.
     pub predictions: Vec<PredictionRow>,
     /// DEM at the optima.
@@ -161,12 +176,19 @@ impl Report {
     /// Names of all measured data sets that any table mentions, sorted.
     fn data_sets(&self) -> Vec<&str> {
         let targets = self.targets.iter().map(|row| &row.measured);
+        let analysed = self.measured_analysis.iter().map(|row| &row.measured);
         let calibrations = self.calibrations.iter().map(|row| &row.measured);
         let optima = self.optima.iter().map(|row| &row.measured);
         let verdicts = self.verdicts.iter().map(|row| &row.measured);
         let residuals = self.residuals.iter().map(|row| &row.measured);
         let before_after = self.before_after.iter().map(|row| &row.measured);
-        let all = targets.chain(calibrations).chain(optima).chain(verdicts).chain(residuals).chain(before_after);
+        let all = targets
+            .chain(analysed)
+            .chain(calibrations)
+            .chain(optima)
+            .chain(verdicts)
+            .chain(residuals)
+            .chain(before_after);
         all.map(String::as_str).collect::<BTreeSet<_>>().into_iter().collect()
     }
 

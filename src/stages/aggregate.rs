@@ -1,4 +1,6 @@
 //! aggregate: mean and standard deviation of every observable over the first n repetitions, for every n.
+//!
+//! Runs beyond those that every point gets count at the largest n, where `count` says how many there are.
 
 use super::context::text;
 use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
@@ -48,7 +50,11 @@ fn aggregate(kpis: &[KpiRow], config: &Config) -> Vec<AggregateRow> {
 }
 
 fn first_repetitions(rows: &[&KpiRow], n: u32, config: &Config) -> AggregateRow {
-    let values: Vec<f64> = rows.iter().filter(|row| row.repetition <= n).filter_map(|row| row.value).collect();
+    let values: Vec<f64> = rows
+        .iter()
+        .filter(|row| row.repetition <= n || n == config.study.repetitions)
+        .filter_map(|row| row.value)
+        .collect();
     let summary = summarise(&values, config.statistics.confidence, config.statistics.convention);
     let finite = |value: f64| value.is_finite().then_some(value);
     let first = rows[0];

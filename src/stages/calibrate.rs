@@ -3,27 +3,35 @@
 use super::context::text;
 use super::models::{Models, kind};
 use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations, targets};
-use crate::config::{Approach, Config};
+use crate::config::{Approach, Config, Parameter};
 use crate::stats::metamodel::{Kind, Metamodel, Prediction};
 use crate::stats::objective::identifiability::identify;
-use crate::stats::objective::posterior::{Marginal, Sampling, sample};
+use crate::stats::objective::posterior::{Marginal, Sample, Sampling, sample};
 use crate::stats::objective::{
     Calibration, CalibrationObjective, Mode, ObjectiveError, Prior, Problem, Target, calibrate,
 };
 use crate::stats::optimise::Starts;
 use crate::tables::Row;
 use crate::tables::list::{
-    AggregateRow, CalibrationRow, HyperparameterRow, OptimumRow, PredictionRow, SampleRow, TargetRow,
+    AggregateRow, CalibrationRow, HyperparameterRow, OptimumRow, PosteriorRow, PosteriorSummaryRow, PredictionRow,
+    SampleRow, TargetRow,
 };
 use rayon::prelude::*;
 
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "calibrate",
-    version: 1,
+    version: 2,
     purpose: "parameters that bring the metamodels to the measured values",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
-    writes: &[TargetRow::SPEC, CalibrationRow::SPEC, OptimumRow::SPEC, PredictionRow::SPEC],
+    writes: &[
+        TargetRow::SPEC,
+        CalibrationRow::SPEC,
+        OptimumRow::SPEC,
+        PosteriorRow::SPEC,
+        PosteriorSummaryRow::SPEC,
+        PredictionRow::SPEC,
+    ],
     files: &[],
     measured: true,
     settings,
@@ -40,6 +48,9 @@ const SAMPLING: Sampling = Sampling { seed: 0, walkers: 24, burn_in: 150, sweeps
 fn sampling(seed: u64, parameters: usize) -> Sampling {
     Sampling { seed, walkers: SAMPLING.walkers.max(2 * (parameters + 1)), ..SAMPLING }
 }
+
+/// Draws that are stored, taken evenly from the walk.
+const DRAWS: usize = 400;
 
 fn settings(config: &Config) -> SettingsText {
     let mut settings = text([
@@ -71,7 +82,13 @@ struct Solution {
     /// Directions that the data do not fix, in words.
     flat: Option<String>,
     /// Distribution of every parameter; only for the largest number of repetitions, because it is a long walk.
-    marginals: Option<Vec<Marginal>>,
+    posterior: Option<Posterior>,
+}
+
+/// A walk over the parameters and the marginals that follow.
+struct Posterior {
+    sample: Sample,
+    marginals: Vec<Marginal>,
 }
 
 /// The rows of one calibration.
@@ -79,6 +96,8 @@ struct Calibrated {
     calibration: CalibrationRow,
     optima: Vec<OptimumRow>,
     predictions: Vec<PredictionRow>,
+    draws: Vec<PosteriorRow>,
+    summaries: Vec<PosteriorSummaryRow>,
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {
@@ -92,6 +111,8 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
     outputs.table(targets.clone())?;
     outputs.table(done.iter().map(|c| c.calibration.clone()).collect::<Vec<_>>())?;
     outputs.table(done.iter().flat_map(|c| c.optima.clone()).collect::<Vec<_>>())?;
+    outputs.table(done.iter().flat_map(|c| c.draws.clone()).collect::<Vec<_>>())?;
+    outputs.table(done.iter().flat_map(|c| c.summaries.clone()).collect::<Vec<_>>())?;
     outputs.table(done.into_iter().flat_map(|c| c.predictions).collect::<Vec<_>>())?;
     Ok(outputs)
 }
@@ -146,7 +167,8 @@ impl Work<'_> {
             Ok(solution) => (self.rows(chain, row, &solution), Some(solution.calibration.x)),
             Err(reason) => {
                 let calibration = CalibrationRow { status: "failed".to_owned(), reason: Some(reason), ..row };
-                (Calibrated { calibration, optima: Vec::new(), predictions: Vec::new() }, None)
+                let (optima, predictions, draws, summaries) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+                (Calibrated { calibration, optima, predictions, draws, summaries }, None)
             }
         }
     }
@@ -172,7 +194,10 @@ impl Work<'_> {
         let last = n == self.context.config.study.repetitions;
         Ok(Solution {
             flat: self.flat_directions(&problem, &calibration.x),
-            marginals: last.then(|| sample(&problem, &sampling(self.seed, problem.dimension())).marginals()),
+            posterior: last.then(|| {
+                let sample = sample(&problem, &sampling(self.seed, problem.dimension()));
+                Posterior { marginals: sample.marginals(), sample }
+            }),
             calibration,
         })
     }
@@ -221,7 +246,8 @@ impl Work<'_> {
     }
 
     fn rows(&self, chain: &Chain, row: CalibrationRow, solution: &Solution) -> Calibrated {
-        let Solution { calibration, flat, marginals } = solution;
+        let Solution { calibration, flat, posterior } = solution;
+        let marginals = posterior.as_ref().map(|posterior| &posterior.marginals);
         let parameters = self.context.config.parameters.iter().enumerate();
         let optima = parameters.map(|(index, parameter)| OptimumRow {
             measured: row.measured.clone(),
@@ -230,8 +256,8 @@ impl Work<'_> {
             n: row.n,
             parameter: parameter.name.to_owned(),
             value: parameter.from_unit(calibration.x[index]),
-            lower: marginals.as_ref().map(|m| parameter.from_unit(m[index].lower)),
-            upper: marginals.as_ref().map(|m| parameter.from_unit(m[index].upper)),
+            lower: marginals.map(|m| parameter.from_unit(m[index].lower)),
+            upper: marginals.map(|m| parameter.from_unit(m[index].upper)),
             unit: parameter.unit.to_owned(),
             at_bound: calibration.at_bound[index],
         });
@@ -249,6 +275,8 @@ impl Work<'_> {
         let targets = self.fitted(&chain.measured);
         Calibrated {
             optima: optima.collect(),
+            draws: posterior.as_ref().map_or_else(Vec::new, |posterior| self.draws(&row, posterior)),
+            summaries: posterior.as_ref().map_or_else(Vec::new, |posterior| self.summaries(&row, posterior)),
             predictions: targets.into_iter().zip(&calibration.predictions).map(prediction).collect(),
             calibration: CalibrationRow {
                 objective: Some(calibration.value),
@@ -257,5 +285,53 @@ impl Work<'_> {
                 ..row
             },
         }
+    }
+
+    /// Positions spread evenly over the walk.
+    fn draws(&self, row: &CalibrationRow, posterior: &Posterior) -> Vec<PosteriorRow> {
+        let points = &posterior.sample.points;
+        let step = points.len().div_ceil(DRAWS).max(1);
+        let positions = (0..points.len()).step_by(step).map(|index| points.row(index));
+        let of_draw = |(draw, x): (u32, &[f64])| {
+            let one = |(parameter, u): (&Parameter, &f64)| PosteriorRow {
+                measured: row.measured.clone(),
+                kind: row.kind.clone(),
+                approach: row.approach.clone(),
+                n: row.n,
+                draw,
+                parameter: parameter.name.to_owned(),
+                value: parameter.from_unit(*u),
+                unit: parameter.unit.to_owned(),
+            };
+            self.context.config.parameters.iter().zip(x).map(one).collect::<Vec<_>>()
+        };
+        (1..).zip(positions).flat_map(of_draw).collect()
+    }
+
+    fn summaries(&self, row: &CalibrationRow, posterior: &Posterior) -> Vec<PosteriorSummaryRow> {
+        let (parameters, correlations) = (&self.context.config.parameters, posterior.sample.correlations());
+        let independent = posterior.sample.points.len() as f64 / posterior.sample.autocorrelation_time;
+        let one = |(index, (parameter, marginal)): (usize, (&Parameter, &Marginal))| {
+            let others = (0..parameters.len()).filter(|other| *other != index);
+            let known = others.map(|other| (other, correlations[index][other])).filter(|(_, c)| c.is_finite());
+            let partner = known.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()).then(b.0.cmp(&a.0)));
+            PosteriorSummaryRow {
+                measured: row.measured.clone(),
+                kind: row.kind.clone(),
+                approach: row.approach.clone(),
+                n: row.n,
+                parameter: parameter.name.to_owned(),
+                lower: parameter.from_unit(marginal.lower),
+                median: parameter.from_unit(marginal.median),
+                upper: parameter.from_unit(marginal.upper),
+                relative_sd: marginal.sd * 12.0_f64.sqrt(),
+                partner: partner.map(|(other, _)| parameters[other].name.to_owned()),
+                correlation: partner.map(|(_, correlation)| correlation),
+                acceptance: posterior.sample.acceptance,
+                independent_draws: independent,
+                unit: parameter.unit.to_owned(),
+            }
+        };
+        parameters.iter().zip(&posterior.marginals).enumerate().map(one).collect()
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Context, StageError};
 use crate::campaign::{Point, Request, Values};
-use crate::tables::list::SampleRow;
+use crate::tables::list::{ReplicationRow, SampleRow};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -18,10 +18,15 @@ pub fn points(samples: &[SampleRow]) -> BTreeMap<u32, Values> {
     points
 }
 
+/// Runs beyond `study.repetitions`, by point.
+pub fn extra(context: &Context) -> Result<BTreeMap<u32, u32>, StageError> {
+    Ok(context.read::<ReplicationRow>()?.into_iter().map(|row| (row.point, row.extra)).collect())
+}
+
 /// All repetitions of every point in every experiment, by experiment, point and repetition.
 pub fn requests(context: &Context, samples: &[SampleRow]) -> Result<Vec<Request>, StageError> {
     let config = context.config;
-    let base = config.base_settings();
+    let (base, extra) = (config.base_settings(), extra(context)?);
     let mut points = points(samples)
         .into_iter()
         .map(|(number, values)| {
@@ -36,7 +41,7 @@ pub fn requests(context: &Context, samples: &[SampleRow]) -> Result<Vec<Request>
     let mut requests = Vec::new();
     for experiment in config.experiments() {
         for point in &points {
-            let repetitions = 1..=config.study.repetitions;
+            let repetitions = 1..=config.study.repetitions + extra.get(&point.number).copied().unwrap_or(0);
             requests.extend(Request::batch(LABEL, experiment, point, repetitions, config.study.seed)?);
         }
     }

@@ -6,14 +6,14 @@ use crate::campaign::KPI_VERSION;
 use crate::config::Config;
 use crate::settings::Scope;
 use crate::tables::Row;
-use crate::tables::list::{KpiRow, RunRow, SampleRow};
+use crate::tables::list::{KpiRow, ReplicationRow, RunRow, SampleRow};
 
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "kpi",
     version: 1,
     purpose: "read KPIs and extra observables off every run",
-    reads: &[SampleRow::SPEC, RunRow::SPEC],
+    reads: &[SampleRow::SPEC, ReplicationRow::SPEC, RunRow::SPEC],
     writes: &[KpiRow::SPEC],
     files: &[],
     measured: false,

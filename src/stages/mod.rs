@@ -4,16 +4,20 @@
 //! and publishing. One file and one line in [`STAGES`] each; no stage imports another.
 
 mod aggregate;
+mod analyse;
+pub mod bounds;
 mod calibrate;
 mod context;
 mod design;
 mod diagnose;
+mod feasibility;
 mod kpi;
 mod models;
 mod optima;
 mod report;
 mod sample;
 mod simulate;
+mod suggest;
 mod targets;
 mod train;
 mod validate;
@@ -22,6 +26,7 @@ mod verify;
 pub use context::{Context, Outputs, StageError};
 pub use diagnose::{Panel, PanelRows};
 pub use report::{HTML as REPORT_HTML, SUMMARY as REPORT_SUMMARY};
+pub use suggest::{SuggestedPoint, suggest};
 
 use crate::campaign::{CampaignError, Request};
 use crate::config::Config;
@@ -62,6 +67,8 @@ pub const STAGES: &[&Stage] = &[
     &kpi::STAGE,
     &aggregate::STAGE,
     &train::STAGE,
+    &analyse::STAGE,
+    &feasibility::STAGE,
     &calibrate::STAGE,
     &verify::STAGE,
     &validate::STAGE,

@@ -153,6 +153,11 @@ impl<'a> Models<'a> {
         self.design.observations(&self.aggregates, kpi, n, false)
     }
 
+    /// Numbers of the points that metamodels are trained on, in the order of [`Models::design`].
+    pub fn training_points(&self) -> &[u32] {
+        &self.design.training
+    }
+
     /// The metamodel of a KPI; `None` where training failed, and `metamodels` says why.
     pub fn restore(&self, kpi: &str, kind: Kind, n: u32) -> Option<Metamodel> {
         Metamodel::restore(&self.records(kpi, kind, n)?, &self.design(kpi, n)).ok()

@@ -8,9 +8,10 @@ use crate::report::{self, Assumption, Departure, Method, Report};
 use crate::settings::{self, SettingSpec, Settings};
 use crate::tables::list::{
     AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS,
-    HyperparameterRow, KpiRow, MetamodelRow, OptimumRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow,
-    SampleRow, SignatureRow, TargetRow, VALIDATE_KPIS, VALIDATE_RUNS, VERIFY_KPIS, VERIFY_RUNS, ValidationRow,
-    VerdictRow, VerificationRow,
+    DesignQualityRow, FeasibilityRow, HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow,
+    MetamodelRow, OptimumRow, PosteriorRow, PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow,
+    SampleRow, SensitivityRow, SignatureRow, TargetRow, VALIDATE_KPIS, VALIDATE_RUNS, VERIFY_KPIS, VERIFY_RUNS,
+    ValidationRow, VerdictRow, VerificationRow,
 };
 use crate::tables::{Row, TableSpec};
 use crate::units;
@@ -26,18 +27,25 @@ pub const SUMMARY: &str = "report/summary.txt";
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "report",
-    version: 3,
+    version: 4,
     purpose: "one HTML file and one Markdown file",
     reads: &[
         SampleRow::SPEC,
+        DesignQualityRow::SPEC,
         RunRow::SPEC,
         KpiRow::SPEC,
         AggregateRow::SPEC,
         MetamodelRow::SPEC,
         HyperparameterRow::SPEC,
+        SensitivityRow::SPEC,
+        MeasuredStatisticRow::SPEC,
+        MeasuredAnalysisRow::SPEC,
+        FeasibilityRow::SPEC,
         TargetRow::SPEC,
         CalibrationRow::SPEC,
         OptimumRow::SPEC,
+        PosteriorRow::SPEC,
+        PosteriorSummaryRow::SPEC,
         PredictionRow::SPEC,
         &VERIFY_RUNS,
         &VERIFY_KPIS,
@@ -98,14 +106,21 @@ fn gather(context: &Context) -> Result<Report, StageError> {
     Ok(Report {
         study: study(context.config),
         samples: own(context)?,
+        design_quality: own(context)?,
         runs,
         kpis,
         aggregates: own(context)?,
         metamodels: own(context)?,
         hyperparameters: own(context)?,
+        sensitivity: own(context)?,
+        measured_statistics: own(context)?,
+        measured_analysis: own(context)?,
+        feasibility: own(context)?,
         targets: own(context)?,
         calibrations: own(context)?,
         optima: own(context)?,
+        posterior: own(context)?,
+        posterior_summary: own(context)?,
         predictions: own(context)?,
         verification: own(context)?,
         validation: own(context)?,

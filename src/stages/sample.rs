@@ -2,25 +2,29 @@
 //!
 //! A full factorial covers the boundary (27 points for three parameters), a Latin hypercube fills the inside, spread
 //! conditional on the boundary points, and the validation points are spread conditional on both (paper, section 4.2).
+//! Beyond four parameters a shifted Sobol sequence takes the place of the hypercube.
 //! A hypercube of one point more is another hypercube; points that are added later are put between all others instead.
 
 use super::context::text;
 use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
 use crate::campaign::Point;
-use crate::config::Config;
+use crate::config::{Config, Filling};
 use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
+use crate::stats::design::metrics::{min_distance, min_distance_between};
+use crate::stats::design::sobol::{Sobol, TooManyDimensions};
 use crate::stats::design::{factorial, farthest};
 use crate::stats::points::Points;
 use crate::tables::Row;
-use crate::tables::list::SampleRow;
+use crate::tables::list::{DesignQualityRow, ReplicationRow, SampleRow};
+use std::collections::BTreeMap;
 
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "sample",
-    version: 1,
+    version: 2,
     purpose: "draw the design over the parameter ranges",
     reads: &[],
-    writes: &[SampleRow::SPEC],
+    writes: &[SampleRow::SPEC, ReplicationRow::SPEC, DesignQualityRow::SPEC],
     files: &[],
     measured: false,
     settings,
@@ -31,41 +35,120 @@ pub const STAGE: Stage = Stage {
 fn settings(config: &Config) -> SettingsText {
     let mut settings = text([("study.seed", config.study.seed.to_string())]);
     settings.extend(config.settings_text(&["parameters", "design"]));
+    // What the file holds counts, not what it is called.
+    let rows = config.chosen.iter().map(|point| format!("{:?} +{}", point.values, point.extra));
+    settings.insert("design.points".to_owned(), rows.collect::<Vec<_>>().join("; "));
     settings
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {
+    let mut parts = parts(context.config, context.seed("sample"))?;
+    let replications = choose(context.config, &mut parts);
     let mut outputs = Outputs::default();
-    outputs.table(draw(context.config, context.seed("sample"))?)?;
+    outputs.table(rows(context.config, &parts)?)?;
+    outputs.table(replications)?;
+    outputs.table(quality(&parts))?;
     Ok(outputs)
 }
 
-/// The rows of the design: the same arguments give the same rows on every machine.
-pub fn draw(config: &Config, seed: u64) -> Result<Vec<SampleRow>, StageError> {
+/// A part of the design: what its points are for, its name among the parts, its points in the unit cube.
+struct DesignPart {
+    set: &'static str,
+    name: &'static str,
+    points: Points,
+}
+
+/// The parts of the design in the order of their points: the same arguments give the same points on every machine.
+fn parts(config: &Config, seed: u64) -> Result<Vec<DesignPart>, StageError> {
     let p = config.parameters.len();
     let boundary = factorial(config.design.boundary_levels as usize, p);
-    let interior = spread(config.design.interior as usize, &boundary, seed);
-    let validation = spread(config.design.validation as usize, &boundary.joined(&interior), seed ^ 1);
+    let interior = spread(config, config.design.interior, &boundary, seed)?;
+    let validation = spread(config, config.design.validation, &boundary.joined(&interior), seed ^ 1)?;
     let added = farthest(config.design.added as usize, &boundary.joined(&interior).joined(&validation))
         .map_err(|error| StageError::Input { what: error.to_string(), remedy: "set design.added to 0" })?;
+    // Added points come last, so that the others keep their numbers.
+    let part = |set, name, points| DesignPart { set, name, points };
+    Ok(vec![
+        part("boundary", "boundary", boundary),
+        part("interior", "interior", interior),
+        part("validation", "validation", validation),
+        part("interior", "added", added),
+    ])
+}
+
+/// Two points nearer than this in every coordinate of the unit cube are one.
+const SAME: f64 = 1e-9;
+
+/// Adds the points that somebody chose as the last part; gives the runs beyond those that every point gets. A chosen
+/// point that is in the design already only adds its runs.
+fn choose(config: &Config, parts: &mut Vec<DesignPart>) -> Vec<ReplicationRow> {
+    let mut known: Vec<Vec<f64>> = parts.iter().flat_map(|part| part.points.rows().map(<[f64]>::to_vec)).collect();
+    let mut chosen = Points::empty(config.parameters.len());
+    let mut extra: BTreeMap<u32, u32> = BTreeMap::new();
+    for row in &config.chosen {
+        let unit: Vec<f64> = config.parameters.iter().zip(&row.values).map(|(p, value)| p.to_unit(*value)).collect();
+        let same = |other: &Vec<f64>| other.iter().zip(&unit).all(|(a, b)| (a - b).abs() < SAME);
+        let index = known.iter().position(same).unwrap_or_else(|| {
+            chosen.push(&unit);
+            known.push(unit.clone());
+            known.len() - 1
+        });
+        *extra.entry(index as u32 + 1).or_default() += row.extra;
+    }
+    parts.push(DesignPart { set: "interior", name: "chosen", points: chosen });
+    extra.into_iter().filter(|(_, extra)| *extra > 0).map(|(point, extra)| ReplicationRow { point, extra }).collect()
+}
+
+fn rows(config: &Config, parts: &[DesignPart]) -> Result<Vec<SampleRow>, StageError> {
     let mut rows = Vec::new();
     let mut number = 0;
-    // Added points come last, so that the others keep their numbers.
-    let sets = [("boundary", &boundary), ("interior", &interior), ("validation", &validation), ("interior", &added)];
-    for (set, points) in sets {
-        for point in points.rows() {
+    for part in parts {
+        for point in part.points.rows() {
             number += 1;
-            rows.extend(point_rows(config, set, number, point)?);
+            rows.extend(point_rows(config, part.set, number, point)?);
         }
     }
     Ok(rows)
 }
 
-fn spread(count: usize, existing: &Points, seed: u64) -> Points {
-    if count == 0 {
-        return Points::empty(existing.dimension());
+/// The distances that every part reached, by itself and beside the parts before it.
+fn quality(parts: &[DesignPart]) -> Vec<DesignQualityRow> {
+    let finite = |distance: f64| distance.is_finite().then_some(distance);
+    let mut before = Points::empty(parts.first().map_or(0, |part| part.points.dimension()));
+    let mut rows = Vec::new();
+    for part in parts.iter().filter(|part| !part.points.is_empty()) {
+        let own = min_distance(&part.points);
+        rows.push(DesignQualityRow {
+            set: part.name.to_owned(),
+            points: part.points.len() as u32,
+            min_distance: finite(own),
+            joint_min_distance: finite(own.min(min_distance_between(&part.points, &before))),
+        });
+        before = before.joined(&part.points);
     }
-    conditional_latin_hypercube(count, existing, &Annealing { seed, ..Annealing::default() }).points
+    rows
+}
+
+/// Parameters up to which `filling = "auto"` takes a Latin hypercube.
+const LATIN_UP_TO: usize = 4;
+
+fn spread(config: &Config, count: u32, existing: &Points, seed: u64) -> Result<Points, StageError> {
+    let (count, p) = (count as usize, existing.dimension());
+    let latin = match config.design.filling {
+        Filling::Latin => true,
+        Filling::Sobol => false,
+        Filling::Auto => p <= LATIN_UP_TO,
+    };
+    if count == 0 {
+        return Ok(Points::empty(p));
+    }
+    if latin {
+        return Ok(conditional_latin_hypercube(count, existing, &Annealing { seed, ..Annealing::default() }).points);
+    }
+    let sequence = Sobol::shifted(p, seed);
+    let refused =
+        |error: TooManyDimensions| StageError::Input { what: error.to_string(), remedy: "take filling = \"latin\"" };
+    Ok(sequence.map_err(refused)?.take(count))
 }
 
 fn point_rows(config: &Config, set: &str, number: u32, unit: &[f64]) -> Result<Vec<SampleRow>, StageError> {

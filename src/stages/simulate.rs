@@ -7,14 +7,14 @@ use crate::config::Config;
 use crate::dem;
 use crate::settings::Scope;
 use crate::tables::Row;
-use crate::tables::list::{RunRow, SampleRow};
+use crate::tables::list::{ReplicationRow, RunRow, SampleRow};
 
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "simulate",
     version: 2,
     purpose: "run the DEM model at every design point",
-    reads: &[SampleRow::SPEC],
+    reads: &[SampleRow::SPEC, ReplicationRow::SPEC],
     writes: &[RunRow::SPEC],
     files: &[],
     measured: false,
@@ -43,7 +43,7 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
 }
 
 fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
-    if !context.has(SampleRow::SPEC) {
+    if !context.has(SampleRow::SPEC) || !context.has(ReplicationRow::SPEC) {
         return Ok(None);
     }
     design::requests(context, &context.read::<SampleRow>()?).map(Some)

@@ -7,9 +7,11 @@
 pub mod attribution;
 pub mod design;
 pub mod gp;
+mod kernels;
 pub mod linalg;
 pub mod metamodel;
 pub mod naming;
+pub mod next;
 pub mod objective;
 pub mod optimise;
 pub mod points;

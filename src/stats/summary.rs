@@ -174,6 +174,36 @@ pub fn repetitions_needed(cv: f64, precision: f64, level: f64) -> Option<usize> 
     Some(high)
 }
 
+/// How many repetitions a precision takes, judged by repetitions that are there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RepetitionPlan {
+    /// Half width of the mean's interval over the mean, as reached.
+    pub reached: f64,
+    /// Repetitions needed at the standard deviation as found; `None` beyond a million.
+    pub needed: Option<usize>,
+    /// The same at the limits of the standard deviation's interval: what the plan itself is worth.
+    pub range: (Option<usize>, Option<usize>),
+}
+
+/// Repetitions for which the interval of the mean is at most ± `precision` (relative), from the mean and sd of `n`
+/// repetitions: [`repetitions_needed`] at s and at both limits of its interval.
+pub fn plan_repetitions(
+    mean: f64,
+    sd: f64,
+    n: usize,
+    precision: f64,
+    level: f64,
+    convention: Convention,
+) -> RepetitionPlan {
+    let of = |sd: f64| repetitions_needed(sd / mean.abs(), precision, level);
+    let limits = sd_interval(sd, n, level, convention);
+    RepetitionPlan {
+        reached: (mean_interval(mean, sd, n, level, convention).upper - mean) / mean.abs(),
+        needed: of(sd),
+        range: (of(limits.lower), of(limits.upper)),
+    }
+}
+
 /// Clopper–Pearson interval of a rate of `successes` in `trials`; [0, 1] for no trials.
 pub fn clopper_pearson(successes: usize, trials: usize, level: f64) -> Interval {
     let (k, n, tail) = (successes as f64, trials as f64, 0.5 * (1.0 - level));

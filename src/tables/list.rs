@@ -29,6 +29,30 @@ table! {
 }
 
 table! {
+    /// Runs beyond those that every design point gets, for points that are repeated more often.
+    pub struct ReplicationRow in "replications" version 1 sorted by (point) {
+        /// Design point.
+        point: u32 ["1"],
+        /// Runs beyond `study.repetitions`; they count at the largest number of repetitions only.
+        extra: u32 ["1"],
+    }
+}
+
+table! {
+    /// How evenly each part of the design fills the unit cube.
+    pub struct DesignQualityRow in "design_quality" version 1 sorted by (set) {
+        /// Part of the design: boundary, interior, validation, added or chosen.
+        set: String ["1"],
+        /// Number of its points.
+        points: u32 ["1"],
+        /// Smallest distance between two of its points, in the unit cube.
+        min_distance: Option<f64> ["1"],
+        /// The same where one of the two may belong to an earlier part: what the hypercubes are optimised for.
+        joint_min_distance: Option<f64> ["1"],
+    }
+}
+
+table! {
     /// One row per simulation: where it stands in the study, how it ended and where its final state is kept.
     pub struct RunRow in "runs" version 2 partitioned by experiment sorted by (label, experiment, point, repetition) {
         /// Who asked for the run: `design`, a calibration or a purpose of the diagnosis.
@@ -189,6 +213,32 @@ table! {
 }
 
 table! {
+    /// Sobol indices: the share of the variance of a KPI's mean or sd over the parameter space that a parameter explains.
+    pub struct SensitivityRow in "sensitivity" version 1 sorted by (kpi, kind, statistic, parameter) {
+        /// Observable.
+        kpi: String ["1"],
+        /// Metamodel: ibm, rbm or sk.
+        kind: String ["1"],
+        /// Repetitions behind the metamodel.
+        n: u32 ["1"],
+        /// mean or sd.
+        statistic: String ["1"],
+        /// Parameter.
+        parameter: String ["1"],
+        /// Share that the parameter explains alone; slightly negative values are sampling error.
+        first: f64 ["1"],
+        /// Share that involves the parameter at all.
+        total: f64 ["1"],
+        /// Mean of the statistic over the parameter space.
+        mean: f64 ["see unit"],
+        /// Standard deviation of the statistic over the parameter space.
+        spread: f64 ["see unit"],
+        /// Unit of `mean` and `spread`.
+        unit: String ["1"],
+    }
+}
+
+table! {
     /// Measured statistics of every data set: what the calibration aims at and what is held out.
     pub struct TargetRow in "targets" version 1 sorted by (measured, experiment, kpi) {
         /// Name of the measured data set.
@@ -217,6 +267,99 @@ table! {
         unit: String ["1"],
         /// Used by the calibration (true) or held out (false).
         fitted: bool ["1"],
+    }
+}
+
+table! {
+    /// Mean and standard deviation of a measured observable over its first n repetitions (Fig. 6).
+    pub struct MeasuredStatisticRow in "measured_statistics" version 1 sorted by (measured, experiment, kpi, n) {
+        /// Name of the measured data set.
+        measured: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Number of repetitions; of a published summary only the published one.
+        n: u32 ["1"],
+        /// Mean.
+        mean: f64 ["see unit"],
+        /// Lower limit of the mean's confidence interval.
+        mean_lower: Option<f64> ["see unit"],
+        /// Upper limit of the mean's confidence interval.
+        mean_upper: Option<f64> ["see unit"],
+        /// Standard deviation (n - 1).
+        sd: Option<f64> ["see unit"],
+        /// Lower limit of the standard deviation's confidence interval.
+        sd_lower: Option<f64> ["see unit"],
+        /// Upper limit of the standard deviation's confidence interval.
+        sd_upper: Option<f64> ["see unit"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// Whether a measured observable has settled, whether it is normal, and how many repetitions a precision takes.
+    pub struct MeasuredAnalysisRow in "measured_analysis" version 1 sorted by (measured, experiment, kpi) {
+        /// Name of the measured data set.
+        measured: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Number of measured repetitions.
+        n: u32 ["1"],
+        /// Smallest n from which on the running mean stays within the band of `analysis.stability` around the last mean;
+        /// null without single values.
+        stable_from: Option<u32> ["1"],
+        /// Half width of the mean's confidence interval over the mean, as reached.
+        precision: Option<f64> ["1"],
+        /// Half width wished for, over the mean.
+        precision_wished: f64 ["1"],
+        /// Repetitions that the wished half width takes, at the standard deviation as measured.
+        needed: Option<u32> ["1"],
+        /// The same at the lower limit of the standard deviation's confidence interval.
+        needed_lower: Option<u32> ["1"],
+        /// The same at its upper limit.
+        needed_upper: Option<u32> ["1"],
+        /// Lilliefors' distance from the normal distribution; null below four single values.
+        lilliefors_d: Option<f64> ["1"],
+        /// Its p-value from published fits.
+        lilliefors_p: Option<f64> ["1"],
+        /// Its p-value by simulation.
+        lilliefors_p_simulated: Option<f64> ["1"],
+    }
+}
+
+table! {
+    /// Whether the simulations of the design bracket a measured mean: without, no calibration can reach it.
+    pub struct FeasibilityRow in "feasibility" version 1 sorted by (measured, experiment, kpi, set) {
+        /// Name of the measured data set.
+        measured: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Points looked at: `corner` (every parameter on a bound), `boundary` or `design` (all trained on).
+        set: String ["1"],
+        /// Number of these points with a mean.
+        points: u32 ["1"],
+        /// Lowest mean among them.
+        lowest: Option<f64> ["see unit"],
+        /// Design point with the lowest mean.
+        lowest_point: Option<u32> ["1"],
+        /// Highest mean among them.
+        highest: Option<f64> ["see unit"],
+        /// Design point with the highest mean.
+        highest_point: Option<u32> ["1"],
+        /// Measured mean.
+        target: f64 ["see unit"],
+        /// Whether lowest <= target <= highest.
+        bracketed: bool ["1"],
+        /// How far the target lies outside, over the larger of measured and simulated standard deviation; 0 inside.
+        outside_sd: Option<f64> ["1"],
+        /// Unit of the values.
+        unit: String ["1"],
     }
 }
 
@@ -269,6 +412,63 @@ table! {
         unit: String ["1"],
         /// The optimum lies on a bound of this parameter.
         at_bound: bool ["1"],
+    }
+}
+
+table! {
+    /// Draws of the parameters from their distribution given the measurements, for the largest number of repetitions.
+    pub struct PosteriorRow in "posterior" version 1 sorted by (measured, kind, approach, draw, parameter) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// m or mv.
+        approach: String ["1"],
+        /// Repetitions behind the metamodel.
+        n: u32 ["1"],
+        /// Draw, from 1.
+        draw: u32 ["1"],
+        /// Parameter.
+        parameter: String ["1"],
+        /// Value.
+        value: f64 ["see unit"],
+        /// Unit of `value`.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// Distribution of every parameter given the measurements, and how well the walk behind it has mixed.
+    pub struct PosteriorSummaryRow in "posterior_summary" version 1 sorted by (measured, kind, approach, parameter) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// ibm, rbm or sk.
+        kind: String ["1"],
+        /// m or mv.
+        approach: String ["1"],
+        /// Repetitions behind the metamodel.
+        n: u32 ["1"],
+        /// Parameter.
+        parameter: String ["1"],
+        /// 2.5 % quantile.
+        lower: f64 ["see unit"],
+        /// Median.
+        median: f64 ["see unit"],
+        /// 97.5 % quantile.
+        upper: f64 ["see unit"],
+        /// Standard deviation over that of a uniform distribution between the bounds, both on the parameter's scale: near
+        /// 1 the measurements say nothing.
+        relative_sd: f64 ["1"],
+        /// Parameter it is most strongly correlated with; null where there is only one.
+        partner: Option<String> ["1"],
+        /// That correlation.
+        correlation: Option<f64> ["1"],
+        /// Share of proposals that the walk accepted; 0.2 to 0.7 is usual.
+        acceptance: f64 ["1"],
+        /// Independent draws that the walk is worth.
+        independent_draws: f64 ["1"],
+        /// Unit of the quantiles.
+        unit: String ["1"],
     }
 }
 
@@ -612,14 +812,22 @@ pub static DIAGNOSE_KPIS: TableSpec = TableSpec { name: "diagnose_kpis", ..*KpiR
 /// Every table of the lake, in the order in which the stages write them.
 pub const TABLES: &[&TableSpec] = &[
     SampleRow::SPEC,
+    ReplicationRow::SPEC,
+    DesignQualityRow::SPEC,
     RunRow::SPEC,
     KpiRow::SPEC,
     AggregateRow::SPEC,
+    MeasuredStatisticRow::SPEC,
+    MeasuredAnalysisRow::SPEC,
+    FeasibilityRow::SPEC,
     MetamodelRow::SPEC,
     HyperparameterRow::SPEC,
+    SensitivityRow::SPEC,
     TargetRow::SPEC,
     CalibrationRow::SPEC,
     OptimumRow::SPEC,
+    PosteriorRow::SPEC,
+    PosteriorSummaryRow::SPEC,
     PredictionRow::SPEC,
     &VERIFY_RUNS,
     &VERIFY_KPIS,

@@ -31,7 +31,7 @@ fn parse(text: &str) -> Result<Config, Problems> {
 }
 
 fn measured(name: &str) -> Measured {
-    Measured { name: name.to_owned(), values: vec![], summaries: vec![], properties: vec![], files: vec![] }
+    Measured { name: name.to_owned(), ..Measured::default() }
 }
 
 fn shipped(path: &str) -> Config {
@@ -252,7 +252,10 @@ fn mistakes_are_answered_with_line_reason_and_remedy() {
         // Names.
         (plus("[desing]\ninterior = 3"), "pipeline.toml:11: unknown section `desing`; did you mean `design`?"),
         (plus("[design]\ninteror = 3"), "pipeline.toml:12: unknown key `interor`; did you mean `interior`?"),
-        (plus("[design]\nzzzzzz = 3"), "unknown key `zzzzzz`; there are: boundary_levels, interior, added, validation"),
+        (
+            plus("[design]\nzzzzzz = 3"),
+            "unknown key `zzzzzz`; there are: boundary_levels, interior, filling, added, points, validation",
+        ),
         (
             plus("[setup]\nsliding_fricton = 0.3"),
             "`setup.sliding_fricton`: no such setting; did you mean `sliding_friction`?",

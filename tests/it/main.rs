@@ -12,6 +12,7 @@ mod faults;
 mod fuzz;
 mod golden;
 mod incremental;
+mod laboratory;
 mod layering;
 mod least_squares;
 mod oracles_design;

@@ -4,16 +4,18 @@
 //! or every problem with file, line and remedy. Single values have the columns experiment, repetition, kpi, value, unit;
 //! summaries have experiment, kpi, mean, sd, n, unit; the header decides, and a column `note` may stand in both. `kpi`
 //! is any observable of the experiment, so the extra observables of a test stand beside its KPI. What was measured on the
-//! grains themselves has `grains` for an experiment and a setting for a kpi; of a calibrated parameter it is a prior.
+//! grains themselves has `grains` for an experiment and a setting for a kpi; of a calibrated parameter it is a prior. Raw
+//! records have experiment, repetition and a sample: time and force of a load cell, or x and z of an outline
+//! (`crate::experiments`).
 //! Deliberately repairs nothing: a row is taken as it stands or refused.
 
-mod raw;
+pub(in crate::config) mod raw;
 mod rows;
 #[cfg(test)]
 mod tests;
 
 use super::problem::{Place, Problem, Problems};
-use crate::settings;
+use crate::settings::{self, Settings};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -48,7 +50,7 @@ pub struct MeasuredSummary {
 }
 
 /// A measured data set. Every observable has either single values or a published summary.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Measured {
     /// Name in tables and labels.
     pub name: String,
@@ -60,14 +62,25 @@ pub struct Measured {
     pub properties: Vec<MeasuredSummary>,
     /// The files it was read from, sorted, for content digests.
     pub files: Vec<PathBuf>,
+    /// Whether values were read off raw records, so that they depend on the settings of the measurement too.
+    pub raw: bool,
 }
 
 impl Measured {
-    /// Reads the data set `name` from a `.csv` or `.parquet` file, or from all such files of a folder.
+    /// Reads the data set `name` from a `.csv` or `.parquet` file, or from all such files of a folder; raw records are
+    /// read with the default settings of the measurement.
     ///
     /// # Errors
     /// All problems of all files, sorted by file and line.
     pub fn read(name: &str, path: &Path) -> Result<Self, Problems> {
+        Self::read_as(name, path, &Settings::default())
+    }
+
+    /// The same with raw records read as `settings` say.
+    ///
+    /// # Errors
+    /// All problems of all files, sorted by file and line.
+    pub fn read_as(name: &str, path: &Path, settings: &Settings) -> Result<Self, Problems> {
         let files = files_of(path)?;
         let mut collector = rows::Collector::default();
         for file in &files {
@@ -76,8 +89,8 @@ impl Measured {
                 Err(problem) => collector.problem(problem),
             }
         }
-        let (values, summaries) = collector.finish()?;
-        Ok(Self::new(name, values, summaries, files))
+        let (values, summaries, raw) = collector.finish(settings)?;
+        Ok(Self { raw, ..Self::new(name, values, summaries, files) })
     }
 
     fn new(name: &str, values: Vec<MeasuredValue>, summaries: Vec<MeasuredSummary>, files: Vec<PathBuf>) -> Self {
@@ -85,8 +98,8 @@ impl Measured {
             values.into_iter().partition(|value| value.experiment == rows::GRAINS);
         let (known, summaries): (Vec<_>, Vec<_>) =
             summaries.into_iter().partition(|summary| summary.experiment == rows::GRAINS);
-        let grains = Self { name: String::new(), values: weighed, summaries: known, properties: vec![], files: vec![] };
-        Self { name: name.to_owned(), values, summaries, properties: grains.statistics(), files }
+        let grains = Self { values: weighed, summaries: known, ..Self::default() };
+        Self { name: name.to_owned(), values, summaries, properties: grains.statistics(), files, raw: false }
     }
 
     /// The repetition and the value of every single value of one observable, in the order of the repetitions.

@@ -4,13 +4,17 @@ use super::raw::RawTable;
 use super::{MeasuredSummary, MeasuredValue, summarise};
 use crate::config::nearest::suggestion;
 use crate::config::problem::{Place, Problem, Problems};
-use crate::experiments::{EXPERIMENTS, Observable};
-use crate::settings::{self, Kind, Scope, SettingSpec};
+use crate::experiments::{self, EXPERIMENTS, Experiment, Observable, Raw, observe};
+use crate::settings::{self, Kind, Scope, SettingSpec, Settings};
 use crate::units;
 use std::collections::BTreeMap;
 
 const VALUE_COLUMNS: &[&str] = &["experiment", "repetition", "kpi", "value", "unit"];
 const SUMMARY_COLUMNS: &[&str] = &["experiment", "kpi", "mean", "sd", "n", "unit"];
+/// Force of the material on a load cell [unit] over the time since the release [s].
+const FORCE_COLUMNS: &[&str] = &["experiment", "repetition", "time", "force", "unit"];
+/// Edge of the material in a picture.
+const OUTLINE_COLUMNS: &[&str] = &["experiment", "repetition", "x", "z", "unit"];
 const FREE_COLUMN: &str = "note";
 
 /// Stands where an experiment does for what was measured on the grains themselves.
@@ -20,14 +24,17 @@ pub const GRAINS: &str = "grains";
 type Quantity = (&'static str, &'static str);
 /// File and place of a row.
 type Origin = (String, Place);
-/// What a data set holds.
-type Rows = (Vec<MeasuredValue>, Vec<MeasuredSummary>);
+/// What a data set holds, and whether some of it was read off raw records.
+type Rows = (Vec<MeasuredValue>, Vec<MeasuredSummary>, bool);
+/// Experiment, repetition and whether the record is an outline.
+type Record = (&'static str, u32, bool);
 
 /// Gathers the rows of all files of a data set, with where each came from.
 #[derive(Debug, Default)]
 pub struct Collector {
     values: BTreeMap<(Quantity, u32), (f64, Origin)>,
     summaries: BTreeMap<Quantity, (MeasuredSummary, Origin)>,
+    records: BTreeMap<Record, (Vec<(f64, f64)>, Origin)>,
     problems: Vec<Problem>,
 }
 
@@ -61,8 +68,11 @@ impl Collector {
             self.problem(Problem { file: table.file.clone(), place: Place::File, what });
         }
         for (place, cells) in &table.rows {
-            let taken = row_of(table, *place, cells)
-                .and_then(|row| if columns == VALUE_COLUMNS { self.value(&row) } else { self.summary(&row) });
+            let taken = row_of(table, *place, cells).and_then(|row| match columns {
+                VALUE_COLUMNS => self.value(&row),
+                SUMMARY_COLUMNS => self.summary(&row),
+                _ => self.sample(&row, columns == OUTLINE_COLUMNS),
+            });
             if let Err(problem) = taken {
                 self.problem(problem);
             }
@@ -110,11 +120,84 @@ impl Collector {
         Ok(())
     }
 
-    /// All rows, sorted.
+    /// One sample of a raw record: (time, force) or (x, z).
+    fn sample(&mut self, row: &Row, outline: bool) -> Result<(), Problem> {
+        let experiment = row.experiment()?;
+        let repetition = row.whole("repetition", 1, "repetitions count from 1")?;
+        let (names, kind) = if outline {
+            (experiment.from_outline(), "an outline")
+        } else {
+            (experiment.from_force(), "a force over time")
+        };
+        if names.is_empty() {
+            return Err(
+                row.problem(format!("nothing is read off {kind} of {}; give values instead", experiment.name()))
+            );
+        }
+        let sample = if outline {
+            (row.number("x", "m")?, row.number("z", "m")?)
+        } else {
+            (row.seconds()?, row.number("force", "N")?)
+        };
+        let entry = self.records.entry((experiment.name(), repetition, outline));
+        let (samples, _) = entry.or_insert_with(|| (Vec::new(), row.origin()));
+        if !outline && samples.last().is_some_and(|last| last.0 >= sample.0) {
+            let what = format!("time {} s does not come after the sample before it; sort by time", sample.0);
+            return Err(row.problem(what));
+        }
+        samples.push(sample);
+        Ok(())
+    }
+
+    /// Reads the observables off every raw record, as `settings` say.
+    fn read_records(&mut self, settings: &Settings) {
+        for ((name, repetition, outline), (samples, origin)) in std::mem::take(&mut self.records) {
+            let Ok(experiment) = experiments::find(name) else { continue };
+            let raw = if outline { Raw::Outline(samples) } else { Raw::Force(samples) };
+            let problem = |what: String| Problem { file: origin.0.clone(), place: origin.1, what };
+            match observe(experiment, settings, &raw) {
+                Ok(measured) => measured.into_iter().for_each(|(kpi, value)| {
+                    let place = (name, kpi, repetition);
+                    self.read_value(place, value.map_err(|reason| reason.to_string()), &origin);
+                }),
+                Err(error) => self.problems.push(problem(format!("cannot be read: {error}"))),
+            }
+        }
+    }
+
+    /// A value off a record. An extra observable that a record does not show is left out; the KPI must be there.
+    fn read_value(
+        &mut self,
+        (name, kpi, repetition): (&'static str, &'static str, u32),
+        value: Result<f64, String>,
+        origin: &Origin,
+    ) {
+        let problem = |what: String| Problem { file: origin.0.clone(), place: origin.1, what };
+        let is_kpi = observable(name, kpi).is_some_and(|observable| observable.is_kpi);
+        let key = ((name, kpi), repetition);
+        match value {
+            Ok(_) if self.values.contains_key(&key) => {
+                let what = format!("repetition {repetition} of {kpi} is given as a value too; remove one of the two");
+                self.problems.push(problem(what));
+            }
+            Ok(value) => {
+                self.values.insert(key, (value, origin.clone()));
+            }
+            Err(reason) if is_kpi => {
+                let what = format!("the record of {name}, repetition {repetition}, gives no {kpi}: {reason}");
+                self.problems.push(problem(what));
+            }
+            Err(_) => {}
+        }
+    }
+
+    /// All rows, sorted; raw records are read as `settings` say.
     ///
     /// # Errors
     /// All problems, of single rows and of rows together.
-    pub fn finish(mut self) -> Result<Rows, Problems> {
+    pub fn finish(mut self, settings: &Settings) -> Result<Rows, Problems> {
+        let raw = !self.records.is_empty();
+        self.read_records(settings);
         self.check_together();
         Problems::none_in(self.problems)?;
         let values = self.values.into_iter().map(|(((experiment, kpi), repetition), (value, _))| MeasuredValue {
@@ -123,7 +206,7 @@ impl Collector {
             repetition,
             value,
         });
-        Ok((values.collect(), self.summaries.into_values().map(|(summary, _)| summary).collect()))
+        Ok((values.collect(), self.summaries.into_values().map(|(summary, _)| summary).collect(), raw))
     }
 
     /// Per observable: two values or more, not all equal, and not a summary besides.
@@ -165,7 +248,15 @@ fn columns_of(table: &RawTable) -> Result<&'static [&'static str], Problem> {
     if has("value") && (has("mean") || has("sd")) {
         return Err(refuse("single values and summaries share a header; put them in two files".to_owned()));
     }
-    let columns = if has("mean") || has("sd") || has("n") { SUMMARY_COLUMNS } else { VALUE_COLUMNS };
+    let columns = if has("force") || has("time") {
+        FORCE_COLUMNS
+    } else if has("x") || has("z") {
+        OUTLINE_COLUMNS
+    } else if has("mean") || has("sd") || has("n") {
+        SUMMARY_COLUMNS
+    } else {
+        VALUE_COLUMNS
+    };
     let known = [columns, &[FREE_COLUMN]].concat();
     for (index, name) in table.header.iter().enumerate() {
         if !known.contains(&name.as_str()) {
@@ -214,16 +305,21 @@ impl Row<'_> {
         self.cells.get(column).copied().unwrap_or_default()
     }
 
-    /// Experiment, observable and its unit.
-    fn quantity(&self) -> Result<(Quantity, &'static str), Problem> {
-        let (experiment, kpi) = (self.cell("experiment"), self.cell("kpi"));
-        if experiment == GRAINS {
-            return self.property(kpi);
-        }
+    fn experiment(&self) -> Result<&'static dyn Experiment, Problem> {
+        let experiment = self.cell("experiment");
         let names: Vec<_> = EXPERIMENTS.iter().map(|known| known.name()).chain([GRAINS]).collect();
         let unknown =
             || self.problem(format!("no experiment is called `{experiment}`; {}", suggestion(experiment, &names)));
-        let found = EXPERIMENTS.iter().find(|known| known.name() == experiment).ok_or_else(unknown)?;
+        EXPERIMENTS.iter().copied().find(|known| known.name() == experiment).ok_or_else(unknown)
+    }
+
+    /// Experiment, observable and its unit.
+    fn quantity(&self) -> Result<(Quantity, &'static str), Problem> {
+        let kpi = self.cell("kpi");
+        if self.cell("experiment") == GRAINS {
+            return self.property(kpi);
+        }
+        let (found, experiment) = (self.experiment()?, self.cell("experiment"));
         let observables: Vec<_> = found.observables().iter().map(|known| known.name).collect();
         let stranger = || {
             let home = EXPERIMENTS.iter().find(|other| other.observables().iter().any(|known| known.name == kpi));
@@ -247,15 +343,23 @@ impl Row<'_> {
 
     /// A finite number, converted from the row's unit to `unit`.
     fn number(&self, column: &str, unit: &str) -> Result<f64, Problem> {
+        let (number, given) = (self.plain(column)?, self.cell("unit"));
+        let what = if self.cell("kpi").is_empty() { column } else { self.cell("kpi") };
+        units::convert(number, given, unit).map_err(|error| self.problem(format!("unit of {what}: {error}")))
+    }
+
+    /// The time of a sample, always in seconds.
+    fn seconds(&self) -> Result<f64, Problem> {
+        self.plain("time")
+    }
+
+    fn plain(&self, column: &str) -> Result<f64, Problem> {
         let text = self.cell(column);
-        let number = units::plain(text).map_err(|_| {
+        units::plain(text).map_err(|_| {
             self.problem(format!(
                 "{column} `{text}` is not a finite number; correct it, or remove the row of a failed test"
             ))
-        })?;
-        let given = self.cell("unit");
-        units::convert(number, given, unit)
-            .map_err(|error| self.problem(format!("unit of {}: {error}", self.cell("kpi"))))
+        })
     }
 
     fn whole(&self, column: &str, least: u32, reason: &str) -> Result<u32, Problem> {

@@ -17,7 +17,7 @@ fn collect(files: &[(&str, &str)]) -> Result<(Vec<MeasuredValue>, Vec<MeasuredSu
             Err(problem) => collector.problem(problem),
         }
     }
-    collector.finish()
+    collector.finish(&Settings::default()).map(|(values, summaries, _)| (values, summaries))
 }
 
 /// The message about `text` as file `m.csv`.

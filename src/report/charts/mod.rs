@@ -4,6 +4,7 @@
 //! renderer, colours by its style sheet. Charts hold no script and repeat only what a table beside them says: a
 //! reader without them, or of the Markdown, misses no number. Values that are not finite are left out of a drawing.
 
+mod corner;
 mod heat;
 mod lines;
 mod rows;
@@ -11,6 +12,7 @@ mod scale;
 mod scatter;
 mod svg;
 
+pub use corner::{Axis, Corner};
 pub use heat::HeatMap;
 pub use lines::{Line, LineChart, Node};
 pub use rows::{Mark, Row, RowChart};

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::tables::{AggregateRow, RunRow, SampleRow};
 
 use super::super::charts::{Line, LineChart, Node};
-use super::super::document::{Block, Cell, Figure, Section, Table, Tone, cell, text};
+use super::super::document::{Block, Cell, Figure, Section, Table, Tone, cell, optional, text};
 use super::super::numbers::{count, fixed, significant, trimmed, with_interval};
 use super::super::{Report, paper, words};
 use super::{coarse_warning, interval, not_run, ranked};
@@ -40,6 +40,32 @@ fn design(report: &Report) -> Vec<Block> {
     let repetitions = report.runs.iter().filter(|run| run.label == "design").map(|run| run.repetition).max();
     let repeated = repetitions.map_or("not simulated yet".to_string(), |n| format!("up to {n} repetitions of each"));
     vec![Block::Paragraph(text(format!("Design points: {}; {repeated}.", said.join(", ")))), bounds(report)]
+        .into_iter()
+        .chain(distances(report))
+        .collect()
+}
+
+/// How far the points keep from each other.
+fn distances(report: &Report) -> Option<Block> {
+    if report.design_quality.is_empty() {
+        return None;
+    }
+    let headings = ["part of the design", "#points", "#smallest distance", "#to earlier parts too"];
+    let caption = "Smallest distance between two points in the unit cube: the hypercubes are spread given all earlier \
+                   points, so that the last column is what was made large";
+    let mut rows: Vec<_> = report.design_quality.iter().collect();
+    rows.sort_by_key(|row| {
+        ["boundary", "interior", "validation", "added", "chosen"].iter().position(|set| *set == row.set)
+    });
+    let row = |row: &crate::tables::DesignQualityRow| {
+        vec![
+            cell(words::label(&row.set)),
+            cell(count(row.points as usize)),
+            optional(row.min_distance, |value| fixed(value, 3), "one point"),
+            optional(row.joint_min_distance, |value| fixed(value, 3), "one point"),
+        ]
+    };
+    Some(Block::Table(Table::new(caption, &headings).with_rows(rows.into_iter().map(row))))
 }
 
 fn bounds(report: &Report) -> Block {
@@ -194,7 +220,7 @@ fn fewer_values(report: &Report) -> Option<Block> {
     let headings = ["observable", "#points with fewer", "#of points", "#fewest values", "#values missing"];
     let rows = ranked(counts.keys().copied()).into_iter().map(|kpi| {
         let counts = &counts[kpi];
-        let missing: u32 = counts.iter().map(|count| n - count).sum();
+        let missing: u32 = counts.iter().map(|count| n.saturating_sub(*count)).sum();
         vec![
             cell(words::title(kpi)),
             cell(count(counts.iter().filter(|count| **count < n).count())),
@@ -270,7 +296,7 @@ fn means<'a>(rows: impl Iterator<Item = &'a AggregateRow>) -> Block {
     rows.sort_by_key(|row| (words::rank(&row.kpi), row.n));
     let table = Table::new("Mean with 95 % interval and standard deviation", &["KPI", "#n", "#mean", "#sd", "unit"]);
     Block::Table(table.with_rows(rows.into_iter().map(|row| {
-        let sd = super::super::document::optional(row.sd, |sd| significant(sd, 3), "needs two runs");
+        let sd = optional(row.sd, |sd| significant(sd, 3), "needs two runs");
         vec![cell(words::title(&row.kpi)), cell(row.n.to_string()), mean_text(row), sd, cell(words::unit(&row.unit))]
     })))
 }

@@ -1,10 +1,12 @@
 //! How well the metamodels reproduce the simulations, in the training and in the validation points.
 
-use crate::tables::MetamodelRow;
+use std::collections::BTreeMap;
+
+use crate::tables::{MetamodelRow, SensitivityRow};
 
 use super::super::charts::{Line, LineChart, Node};
 use super::super::document::{Block, Cell, Figure, Legend, Section, Table, Tone, cell, optional, text};
-use super::super::numbers::significant;
+use super::super::numbers::{fixed, significant};
 use super::super::{Report, words};
 use super::{distinct, latest, method_rank, not_run, over_repetitions, ranked};
 
@@ -13,7 +15,9 @@ pub fn section(report: &Report) -> Section {
     let blocks = if report.metamodels.is_empty() {
         vec![not_run("train", "there are no metamodels")]
     } else {
-        blocks(&report.metamodels.iter().collect::<Vec<_>>())
+        let mut blocks = blocks(&report.metamodels.iter().collect::<Vec<_>>());
+        blocks.extend(sensitivity(report));
+        blocks
     };
     Section { id: "metamodels", title: "Metamodels".to_string(), blocks }
 }
@@ -38,6 +42,42 @@ fn blocks(rows: &[&MetamodelRow]) -> Vec<Block> {
         });
     }
     blocks
+}
+
+/// Sobol indices: KPI, statistic and kind as rows, parameters as columns.
+fn sensitivity(report: &Report) -> Vec<Block> {
+    let mut groups: BTreeMap<_, Vec<&SensitivityRow>> = BTreeMap::new();
+    for row in &report.sensitivity {
+        let key = (words::rank(&row.kpi), row.statistic.as_str(), method_rank((&row.kind, "")), row.kind.as_str());
+        groups.entry(key).or_default().push(row);
+    }
+    if groups.is_empty() {
+        return Vec::new();
+    }
+    let names = ranked(report.sensitivity.iter().map(|row| row.parameter.as_str()));
+    let mut headings = vec!["KPI".to_string(), "statistic".to_string(), "kind".to_string()];
+    headings.extend(names.iter().map(|name| format!("#{}", words::label(name))));
+    headings.extend(["#spread over the design space".to_string(), "unit".to_string()]);
+    let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
+    let caption = "Sobol indices: share of the variance over the parameter space that a parameter explains alone / that \
+                   involves it at all; their sampling error is about 0.01";
+    let rows = groups.values().map(|rows| sensitivity_row(rows, &names));
+    vec![
+        Block::Heading("Which parameter moves what".to_string()),
+        Block::Table(Table::new(caption, &headings).with_rows(rows)),
+    ]
+}
+
+fn sensitivity_row(rows: &[&SensitivityRow], names: &[&str]) -> Vec<Cell> {
+    let first = rows[0];
+    let shares = names.iter().map(|name| match rows.iter().find(|row| row.parameter == **name) {
+        Some(row) => cell(format!("{} / {}", fixed(row.first.max(0.0), 2), fixed(row.total.max(0.0), 2))),
+        None => Cell::missing("not stored"),
+    });
+    let head =
+        [cell(words::title(&first.kpi)), cell(words::statistic(&first.statistic)), cell(first.kind.to_uppercase())];
+    let tail = [cell(significant(first.spread, 3)), cell(words::unit(&first.unit))];
+    head.into_iter().chain(shares).chain(tail).collect()
 }
 
 fn table(caption: &str, mut rows: Vec<&MetamodelRow>) -> Block {

@@ -1,10 +1,10 @@
 //! Calibrated parameters with their uncertainty, beside the paper's Table 7.
 
-use crate::tables::{CalibrationRow, OptimumRow, PredictionRow, TargetRow};
+use crate::tables::{CalibrationRow, OptimumRow, PosteriorRow, PosteriorSummaryRow, PredictionRow, TargetRow};
 
-use super::super::charts::{Mark, PAPER, Row, RowChart};
+use super::super::charts::{Axis, Corner, Mark, PAPER, Row, RowChart};
 use super::super::document::{Block, Cell, Figure, Legend, Section, Table, Tone, cell, optional, text};
-use super::super::numbers::{significant, trimmed, with_interval};
+use super::super::numbers::{fixed, percent, significant, trimmed, with_interval};
 use super::super::{Report, paper, words};
 use super::{coarse_warning, interval, latest, method_rank, not_run, over_repetitions, per_data_set, ranked};
 
@@ -30,6 +30,7 @@ fn data_set(report: &Report, measured: &str) -> Vec<Block> {
     if !optima.is_empty() {
         blocks.extend(parameters(report, measured, &optima));
     }
+    blocks.extend(posterior(report, measured));
     blocks.extend(calibrations(report, measured));
     blocks.extend(predictions(report, measured));
     blocks
@@ -69,7 +70,10 @@ fn table(caption: &str, rows: Vec<&OptimumRow>, published: bool) -> Block {
     for (index, &method) in methods.iter().enumerate() {
         table.rows.push(ours(&rows, &names, method));
         let last = methods.get(index + 1).is_none_or(|next| (next.0, next.1) != (method.0, method.1));
-        table.rows.extend(theirs(&names, method).filter(|_| published && last));
+        if published && last {
+            table.rows.extend(theirs(&names, method));
+            table.rows.extend(difference(&rows, &names, method));
+        }
     }
     Block::Table(table)
 }
@@ -92,6 +96,99 @@ fn theirs(names: &[&str], (kind, approach, _): (&str, &str, u32)) -> Option<Vec<
         let values = printed.into_iter().map(|value| optional(value, |value| trimmed(value, 5), "not in the paper"));
         head.into_iter().chain(values).collect()
     })
+}
+
+/// This study's values over the paper's, minus one.
+fn difference(rows: &[&OptimumRow], names: &[&str], (kind, approach, n): (&str, &str, u32)) -> Option<Vec<Cell>> {
+    let of = |name: &&str| {
+        let own = rows
+            .iter()
+            .find(|row| row.kind == kind && row.approach == approach && row.n == n && row.parameter == **name)?;
+        paper::parameter(kind, approach, name).map(|printed| 100.0 * (own.value / printed - 1.0))
+    };
+    let differences: Vec<Option<f64>> = names.iter().map(of).collect();
+    differences.iter().any(Option::is_some).then(|| {
+        let head = [cell(words::method(kind, approach)), cell("difference [%]")];
+        let values = differences.into_iter().map(|value| optional(value, percent, "not in the paper"));
+        head.into_iter().chain(values).collect()
+    })
+}
+
+const POSTERIOR: &str = "The distribution of the parameters given the measured means (M), or means and standard \
+    deviations (MV), sampled over the metamodel with its own uncertainty. A relative width near 1 is that of the bounds \
+    alone: such a parameter, or the combination named among the flat directions below, is not fixed by these data.";
+
+/// Posterior as a table and as corner plots.
+fn posterior(report: &Report, measured: &str) -> Vec<Block> {
+    let mut rows: Vec<&PosteriorSummaryRow> =
+        report.posterior_summary.iter().filter(|row| row.measured == measured).collect();
+    if rows.is_empty() {
+        return Vec::new();
+    }
+    rows.sort_by_key(|row| (method_rank((&row.kind, &row.approach)), words::rank(&row.parameter)));
+    let headings = [
+        "method",
+        "parameter",
+        "#median [95 % interval]",
+        "#relative width",
+        "most correlated with",
+        "#correlation",
+        "#independent draws",
+        "unit",
+    ];
+    let caption = format!("Posterior of the parameters at n = {}", rows[0].n);
+    let table = Table::new(caption, &headings).with_rows(rows.iter().map(|row| posterior_row(row)));
+    let mut methods: Vec<(&str, &str)> = rows.iter().map(|row| (&*row.kind, &*row.approach)).collect();
+    methods.dedup();
+    let figure = |&(kind, approach): &(&str, &str)| Figure {
+        chart: corner(report, measured, kind, approach),
+        caption: String::new(),
+    };
+    let figures = methods.iter().map(figure).collect();
+    let legend: Legend = vec![(1, "calibrated value; its line on the diagonal".to_string())];
+    let plots = Block::Details {
+        summary: format!("Corner plots of {} posteriors", methods.len()),
+        blocks: vec![Block::Figures { legend, figures }],
+    };
+    vec![Block::Paragraph(text(POSTERIOR)), Block::Table(table), plots]
+}
+
+fn posterior_row(row: &PosteriorSummaryRow) -> Vec<Cell> {
+    let wide = row.relative_sd > 0.9;
+    let width = cell(fixed(row.relative_sd, 2));
+    vec![
+        cell(words::method(&row.kind, &row.approach)),
+        cell(words::label(&row.parameter)),
+        cell(with_interval(row.median, row.lower, row.upper)),
+        if wide { width.with_tone(Tone::Caution).with_note("not fixed by these data") } else { width },
+        row.partner.as_deref().map_or(Cell::missing("the only parameter"), |name| cell(words::label(name))),
+        optional(row.correlation, |value| fixed(value, 2), "the only parameter"),
+        cell(significant(row.independent_draws, 2)).with_note(format!("acceptance {}", fixed(row.acceptance, 2))),
+        cell(words::unit(&row.unit)),
+    ]
+}
+
+fn corner(report: &Report, measured: &str, kind: &str, approach: &str) -> super::super::charts::Chart {
+    let of = |row: &&PosteriorRow| row.measured == measured && row.kind == kind && row.approach == approach;
+    let own: Vec<&PosteriorRow> = report.posterior.iter().filter(of).collect();
+    let optimum = |name: &str| {
+        let rows = report.optima.iter().filter(|row| row.measured == measured && row.parameter == name);
+        rows.filter(|row| row.kind == kind && row.approach == approach).max_by_key(|row| row.n).map(|row| row.value)
+    };
+    let axis = |name: &str| {
+        let rows: Vec<&&PosteriorRow> = own.iter().filter(|row| row.parameter == name).collect();
+        let unit = words::unit(rows.first().map_or("", |row| &row.unit));
+        let draws: Vec<f64> = rows.iter().map(|row| row.value).collect();
+        let seen = || draws.iter().copied().reduce(f64::min).zip(draws.iter().copied().reduce(f64::max));
+        Axis {
+            name: format!("{} [{unit}]", words::label(name)),
+            range: range(report, name).or_else(seen).unwrap_or((0.0, 1.0)),
+            marked: optimum(name),
+            draws,
+        }
+    };
+    let names = ranked(own.iter().map(|row| row.parameter.as_str()));
+    Corner { title: words::method(kind, approach), axes: names.into_iter().map(axis).collect() }.draw()
 }
 
 fn value(row: &OptimumRow) -> Cell {

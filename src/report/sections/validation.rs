@@ -4,7 +4,7 @@ use crate::tables::ValidationRow;
 
 use super::super::charts::{Mark, PAPER, Row, RowChart};
 use super::super::document::{Block, Cell, Figure, Legend, Section, Table, cell, optional, text};
-use super::super::numbers::{percent, significant, spread, with_interval};
+use super::super::numbers::{percent, signed_fixed, significant, spread, with_interval};
 use super::super::{Report, paper, words};
 use super::verdict::error;
 use super::{coarse_warning, interval, latest, method_rank, not_run, over_repetitions, per_data_set, ranked};
@@ -50,7 +50,9 @@ fn table(caption: &str, mut rows: Vec<&ValidationRow>, published: bool) -> Block
         table.rows.push(self::row(row));
         let next = rows.get(index + 1);
         let last = next.is_none_or(|next| (&next.kind, &next.approach) != (&row.kind, &row.approach));
-        table.rows.extend(discharge(row).filter(|_| published && last).map(|paper| printed(row, &paper)));
+        if let Some(paper) = discharge(row).filter(|_| published && last) {
+            table.rows.extend([printed(row, &paper), difference(row, &paper)]);
+        }
     }
     Block::Table(table)
 }
@@ -81,6 +83,22 @@ fn printed(row: &ValidationRow, paper: &paper::Discharge) -> Vec<Cell> {
         cell(significant(paper.sd, 2)),
         cell(paper::MEASURED_DISCHARGE),
         cell(percent(paper.error.mean)).with_note(both),
+    ]
+}
+
+/// This study's error minus the paper's, in per cent of the measured mean.
+fn difference(row: &ValidationRow, paper: &paper::Discharge) -> Vec<Cell> {
+    let missing = no_value(row);
+    let apart = row.mean.map(|mean| mean - paper.mean);
+    vec![
+        cell(words::method(&row.kind, &row.approach)),
+        cell("difference"),
+        cell(format!("{} [{}]", words::title(&row.kpi), words::unit(&row.unit))),
+        Cell::missing("no runs of its own"),
+        optional(apart, |apart| signed_fixed(apart, 2), &missing),
+        optional(row.sd.map(|sd| sd - paper.sd), |apart| signed_fixed(apart, 3), &missing),
+        Cell::missing("the same"),
+        optional(row.error_percent.map(|error| error - paper.error.mean), percent, &missing),
     ]
 }
 

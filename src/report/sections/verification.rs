@@ -87,7 +87,7 @@ fn against_prediction(caption: &str, rows: Vec<&VerificationRow>) -> Block {
 fn against_target(caption: &str, rows: Vec<&VerificationRow>, published: bool) -> Block {
     let mut headings = vec!["observable", "method", "#n", "#target", "#mean", "#mean ± sd"];
     if published {
-        headings.extend(["#paper, mean", "#paper, mean ± sd"]);
+        headings.extend(["#paper, mean", "#paper, mean ± sd", "#difference of the means"]);
     }
     let row = |row: &VerificationRow| target_row(row, published);
     Block::Table(Table::new(caption, &headings).with_rows(sorted(rows).map(row)))
@@ -108,6 +108,8 @@ fn target_row(row: &VerificationRow, published: bool) -> Vec<Cell> {
         let printed = paper::target_error(&row.kind, &row.approach, &row.kpi);
         cells.push(optional(printed.map(|error| error.mean), percent, "not in the paper"));
         cells.push(both(printed.map(|error| (error.upper, error.lower)), "not in the paper"));
+        let apart = row.target_error_percent.zip(printed).map(|(ours, printed)| ours - printed.mean);
+        cells.push(optional(apart, percent, if printed.is_some() { &missing } else { "not in the paper" }));
     }
     cells
 }

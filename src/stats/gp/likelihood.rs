@@ -5,6 +5,7 @@
 //! derivative with respect to β vanishes there.
 
 use super::{Conditioned, GaussianProcess, Hyperparameters, TrainingSet, Trend};
+use crate::stats::kernels::exp_in_place;
 use crate::stats::linalg::{LinalgError, SpdFactor, dot};
 use crate::stats::optimise::{Bounds, Objective, Search, Starts, Stopping, multi_start};
 use nalgebra::DMatrix;
@@ -69,7 +70,7 @@ impl<'a> Likelihood<'a> {
                 *exponent -= 0.5 * a * square;
             }
         }
-        exponents.iter_mut().for_each(|exponent| *exponent = libm::exp(*exponent));
+        exp_in_place(&mut exponents);
         exponents
     }
 

@@ -383,6 +383,18 @@ impl Observations {
         }
     }
 
+    /// The observations at the points of these indices, in their order.
+    #[must_use]
+    pub fn select(&self, indices: &[usize]) -> Self {
+        let pick = |values: &[f64]| indices.iter().map(|&i| values[i]).collect();
+        Self {
+            points: self.points.select(indices),
+            means: pick(&self.means),
+            sds: pick(&self.sds),
+            counts: indices.iter().map(|&i| self.counts[i]).collect(),
+        }
+    }
+
     /// The points with at least one run.
     fn usable(&self) -> Result<Usable, MetamodelError> {
         let (points, means, sds, counts) = (self.points.len(), self.means.len(), self.sds.len(), self.counts.len());

@@ -2,9 +2,10 @@
 
 use granulake::report::{Assumption, Departure, Method, Report, Resolution, Study};
 use granulake::tables::{
-    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, HyperparameterRow, KpiRow,
-    MetamodelRow, OptimumRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SignatureRow, TargetRow,
-    ValidationRow, VerdictRow, VerificationRow,
+    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, DesignQualityRow, FeasibilityRow,
+    HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow, MetamodelRow, OptimumRow, PosteriorRow,
+    PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SensitivityRow, SignatureRow,
+    TargetRow, ValidationRow, VerdictRow, VerificationRow,
 };
 
 const SETS: [&str; 2] = ["demo", "paper"];
@@ -43,6 +44,7 @@ pub fn full() -> Report {
     let mut wobble = Wobble(7);
     let mut report = Report { study: study(), ..Report::default() };
     design(&mut report, &mut wobble);
+    laboratory(&mut report, &mut wobble);
     calibration(&mut report, &mut wobble);
     diagnosis(&mut report, &mut wobble);
     report
@@ -180,8 +182,9 @@ fn aggregate(
 }
 
 fn calibration(report: &mut Report, wobble: &mut Wobble) {
-    for (kpi, ..) in OBSERVABLES {
+    for (kpi, _, unit, ..) in OBSERVABLES {
         for kind in KINDS {
+            sensitivity(report, kpi, unit, kind);
             (1..=3).for_each(|n| report.metamodels.push(metamodel(kpi, kind, n, wobble)));
         }
     }
@@ -198,7 +201,126 @@ fn calibration(report: &mut Report, wobble: &mut Wobble) {
         for kind in KINDS {
             for approach in APPROACHES {
                 (1..=3).for_each(|n| method(report, measured, kind, approach, n, wobble));
+                distribution(report, measured, kind, approach, wobble);
             }
+        }
+    }
+}
+
+/// What the measured data are worth: single values in one data set, a published summary in the other.
+fn laboratory(report: &mut Report, wobble: &mut Wobble) {
+    for (index, set) in ["boundary", "interior", "validation"].into_iter().enumerate() {
+        report.design_quality.push(DesignQualityRow {
+            set: set.into(),
+            points: 4,
+            min_distance: (index > 0).then_some(0.21),
+            joint_min_distance: Some(0.117),
+        });
+    }
+    for (measured, (kpi, experiment, unit, mean, sd, fitted)) in
+        SETS.into_iter().flat_map(|set| OBSERVABLES.map(|observable| (set, observable)))
+    {
+        let single = measured == "demo";
+        for n in if single { 1..=5 } else { 50..=50 } {
+            let half = 2.0 * sd / f64::from(n).sqrt();
+            report.measured_statistics.push(MeasuredStatisticRow {
+                measured: measured.into(),
+                experiment: experiment.into(),
+                kpi: kpi.into(),
+                n,
+                mean: mean + half * wobble.next(),
+                mean_lower: (n > 1).then_some(mean - half),
+                mean_upper: (n > 1).then_some(mean + half),
+                sd: (n > 1).then_some(sd),
+                sd_lower: (n > 1).then_some(0.6 * sd),
+                sd_upper: (n > 1).then_some(2.1 * sd),
+                unit: unit.into(),
+            });
+        }
+        report.measured_analysis.push(MeasuredAnalysisRow {
+            measured: measured.into(),
+            experiment: experiment.into(),
+            kpi: kpi.into(),
+            n: if single { 5 } else { 50 },
+            stable_from: single.then_some(3),
+            precision: Some(0.0234),
+            precision_wished: 0.02,
+            needed: Some(68),
+            needed_lower: Some(48),
+            needed_upper: None,
+            lilliefors_d: single.then_some(0.184),
+            lilliefors_p: single.then_some(0.412),
+            lilliefors_p_simulated: single.then_some(0.437),
+        });
+        for set in ["boundary", "corner", "design"] {
+            report.feasibility.push(FeasibilityRow {
+                measured: measured.into(),
+                experiment: experiment.into(),
+                kpi: kpi.into(),
+                set: set.into(),
+                points: 8,
+                lowest: fitted.then_some(0.8 * mean),
+                lowest_point: fitted.then_some(1),
+                highest: fitted.then_some(0.9 * mean),
+                highest_point: fitted.then_some(4),
+                target: mean,
+                bracketed: false,
+                outside_sd: fitted.then_some(3.4),
+                unit: unit.into(),
+            });
+        }
+    }
+}
+
+/// Shares of the parameters, and draws of them given the data.
+fn distribution(report: &mut Report, measured: &str, kind: &str, approach: &str, wobble: &mut Wobble) {
+    for (index, (name, unit, value, low, high)) in PARAMETERS.into_iter().enumerate() {
+        report.posterior_summary.push(PosteriorSummaryRow {
+            measured: measured.into(),
+            kind: kind.into(),
+            approach: approach.into(),
+            n: 3,
+            parameter: name.into(),
+            lower: value - 0.05 * (high - low),
+            median: value,
+            upper: value + 0.05 * (high - low),
+            relative_sd: if index == 1 { 0.97 } else { 0.31 },
+            partner: Some(PARAMETERS[(index + 1) % 3].0.into()),
+            correlation: Some(-0.83),
+            acceptance: 0.57,
+            independent_draws: 311.0,
+            unit: unit.into(),
+        });
+        for draw in 1..=20 {
+            report.posterior.push(PosteriorRow {
+                measured: measured.into(),
+                kind: kind.into(),
+                approach: approach.into(),
+                n: 3,
+                draw,
+                parameter: name.into(),
+                value: value + 0.05 * (high - low) * wobble.next(),
+                unit: unit.into(),
+            });
+        }
+    }
+}
+
+fn sensitivity(report: &mut Report, kpi: &str, unit: &str, kind: &str) {
+    for statistic in ["mean", "sd"] {
+        for (parameter, ..) in PARAMETERS {
+            report.sensitivity.push(SensitivityRow {
+                kpi: kpi.into(),
+                kind: kind.into(),
+                n: 3,
+                statistic: statistic.into(),
+                parameter: parameter.into(),
+                first: -0.003,
+                total: 0.62,
+                mean: 25.0,
+                spread: 4.0,
+                unit: unit.into(),
+            });
         }
     }
 }
