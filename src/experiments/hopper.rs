@@ -80,7 +80,7 @@ impl Experiment for Hopper {
         })
     }
 
-    fn from_force(&self) -> &'static [&'static str] {
+    fn read_off_force(&self) -> &'static [&'static str] {
         &["discharge_rate", "hopper_emptying_time", "hopper_mass"]
     }
 

@@ -92,7 +92,7 @@ impl Experiment for Ledge {
         })
     }
 
-    fn from_outline(&self) -> &'static [&'static str] {
+    fn read_off_outline(&self) -> &'static [&'static str] {
         &["angle_of_movement", "ledge_back_height", "ledge_roughness", "ledge_curvature"]
     }
 

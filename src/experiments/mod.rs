@@ -53,11 +53,11 @@ pub trait Experiment: Sync {
     /// One entry per observable, in their order, from the final grains and the trace of a run with these settings.
     fn measure(&self, settings: &Settings, state: &State, trace: &[TracePoint]) -> Vec<Measurement>;
     /// Observables that the force on a load cell over time shows by itself.
-    fn from_force(&self) -> &'static [&'static str] {
+    fn read_off_force(&self) -> &'static [&'static str] {
         &[]
     }
     /// Observables that the outline in a picture shows by itself.
-    fn from_outline(&self) -> &'static [&'static str] {
+    fn read_off_outline(&self) -> &'static [&'static str] {
         &[]
     }
 }

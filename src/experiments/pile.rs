@@ -91,11 +91,11 @@ impl Experiment for Pile {
         })
     }
 
-    fn from_force(&self) -> &'static [&'static str] {
+    fn read_off_force(&self) -> &'static [&'static str] {
         &["pile_t50", "pile_rate"]
     }
 
-    fn from_outline(&self) -> &'static [&'static str] {
+    fn read_off_outline(&self) -> &'static [&'static str] {
         &["angle_of_repose", "pile_angle_difference", "pile_roughness", "pile_apex_height"]
     }
 

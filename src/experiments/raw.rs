@@ -32,8 +32,8 @@ const INSTRUMENT_ERRORS: [&str; 3] = ["camera_roll", "hopper.load_cell_gain", "b
 pub fn observe(experiment: &dyn Experiment, settings: &Settings, raw: &Raw) -> Result<Vec<Measurement>, SettingsError> {
     let settings = laboratory(experiment, settings)?;
     let (readable, state, trace) = match raw {
-        Raw::Force(samples) => (experiment.from_force(), State::default(), trace(experiment, &settings, samples)),
-        Raw::Outline(points) => (experiment.from_outline(), state(points), Vec::new()),
+        Raw::Force(samples) => (experiment.read_off_force(), State::default(), trace(experiment, &settings, samples)),
+        Raw::Outline(points) => (experiment.read_off_outline(), state(points), Vec::new()),
     };
     let measured = experiment.measure(&settings, &state, &trace);
     Ok(measured.into_iter().filter(|(name, _)| readable.contains(name)).collect())

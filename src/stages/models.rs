@@ -158,6 +158,13 @@ impl<'a> Models<'a> {
         &self.design.training
     }
 
+    /// The points that metamodels are judged by, in the unit cube.
+    pub fn validation_points(&self) -> Points {
+        let mut points = Points::empty(self.design.unit.values().next().map_or(0, Vec::len));
+        self.design.validation.iter().for_each(|number| points.push(&self.design.unit[number]));
+        points
+    }
+
     /// The metamodel of a KPI; `None` where training failed, and `metamodels` says why.
     pub fn restore(&self, kpi: &str, kind: Kind, n: u32) -> Option<Metamodel> {
         Metamodel::restore(&self.records(kpi, kind, n)?, &self.design(kpi, n)).ok()

@@ -29,13 +29,15 @@ const REMEDY: &str = "run `granulake repro train` with `sk` among metamodel.kind
 /// Tables or metamodels that are not there, and more parameters than the Sobol sequence offers.
 pub fn suggest(context: &Context, wished: usize) -> Result<Vec<SuggestedPoint>, StageError> {
     let config = context.config;
-    let (models, numbers) = metamodels(context)?;
+    let trained = Models::read(context)?;
+    let apart = trained.validation_points();
+    let (models, numbers) = metamodels(context, &trained)?;
     let sets: Vec<(&Metamodel, &[usize])> =
         models.iter().map(|(_, model, counts)| (model, counts.as_slice())).collect();
     let repetitions = config.study.repetitions;
     let round = context
         .campaign
-        .install(|| choose(&sets, wished, repetitions as usize))
+        .install(|| choose(&sets, &apart, wished, repetitions as usize))
         .map_err(|error| StageError::Input { what: error.to_string(), remedy: "calibrate fewer parameters" })?;
     let names: Vec<&str> = models.iter().map(|(kpi, ..)| *kpi).collect();
     let values = values(context)?;
@@ -66,8 +68,7 @@ fn gains(names: &[&str], suggestion: &Suggestion) -> String {
 type OfKpi = (&'static str, Metamodel, Vec<usize>);
 
 /// Metamodels `sk` of the fitted KPIs, all on the points that every one of them has, and the numbers of these points.
-fn metamodels(context: &Context) -> Result<(Vec<OfKpi>, Vec<u32>), StageError> {
-    let models = Models::read(context)?;
+fn metamodels(context: &Context, models: &Models) -> Result<(Vec<OfKpi>, Vec<u32>), StageError> {
     let last = context.config.study.repetitions;
     let observables = context.config.experiments().into_iter().flat_map(|experiment| experiment.observables());
     let mut trained: Vec<(&'static str, Vec<PartRecord>, Observations)> = Vec::new();

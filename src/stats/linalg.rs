@@ -1,7 +1,7 @@
 //! The small dense linear algebra that Gaussian processes and information matrices need.
 //!
 //! Storage and eigenvectors are nalgebra's, built without its `std` feature: then no product goes through
-//! `matrixmultiply`, which picks its kernel from the CPU at run time. The factorisation runs in [`super::kernels`], which
+//! `matrixmultiply`, which picks its kernel from the CPU at run time. The factorisation runs in `kernels`, which
 //! gives nalgebra's bits in a third of its time. Sums run column by column in a fixed order. Deliberately absent: general
 //! solvers, sparse matrices, anything for more than a few thousand rows.
 

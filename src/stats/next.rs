@@ -197,13 +197,15 @@ fn run_variance(model: &Metamodel, x: &[f64]) -> Option<f64> {
 /// A round of `wished` choices, each of `runs` runs: in every step the new point or the repetition that takes the largest
 /// share of the integrated mean squared prediction error away, summed over the metamodels.
 ///
-/// `counts` holds the runs at every training point of each metamodel; all metamodels share their training points. Stops
-/// early where a covariance cannot be factorised any more. The same arguments give the same round.
+/// `counts` holds the runs at every training point of each metamodel; all metamodels share their training points. No point
+/// of `apart`, which judges the metamodels, is offered. Stops early where a covariance cannot be factorised any more. The
+/// same arguments give the same round.
 ///
 /// # Errors
 /// [`TooManyDimensions`] for more parameters than the Sobol sequence offers.
 pub fn suggest(
     models: &[(&Metamodel, &[usize])],
+    apart: &Points,
     wished: usize,
     runs: usize,
 ) -> Result<Vec<Suggestion>, TooManyDimensions> {
@@ -213,7 +215,8 @@ pub fn suggest(
     let candidates = Sobol::new(dimension)?.take(CANDIDATES);
     let design = errors[0].1.points.len();
     // A point of the design is no new one.
-    let known = |i: &usize| errors[0].1.points.rows().any(|point| squared_distance(point, candidates.row(*i)) < SAME);
+    let is_near = |i: &usize, point: &[f64]| squared_distance(point, candidates.row(*i)) < SAME;
+    let known = |i: &usize| errors[0].1.points.rows().chain(apart.rows()).any(|point| is_near(i, point));
     let mut added: Vec<usize> = (0..candidates.len()).filter(known).collect();
     let mut chosen: Vec<Suggestion> = Vec::new();
     while chosen.len() < wished {
@@ -372,7 +375,7 @@ mod tests {
             let (mut chosen, mut random) = (lab(seed), lab(seed));
             before += chosen.error();
             let (model, counts) = (chosen.model(), chosen.observations().counts);
-            let round = suggest(&[(&model, &counts)], ROUND, 4).unwrap();
+            let round = suggest(&[(&model, &counts)], &Points::empty(model.dimension()), ROUND, 4).unwrap();
             assert_eq!(round.len(), ROUND);
             for suggestion in &round {
                 match &suggestion.choice {

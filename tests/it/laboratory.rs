@@ -7,11 +7,14 @@ use granulake::tables::{
     PosteriorSummaryRow, ReplicationRow, SampleRow, SensitivityRow,
 };
 
+/// Observable, n, mean, and three values with half a unit of their last digits.
+type PublishedRow = (&'static str, u32, f64, [(f64, f64); 3]);
+
 /// Table 2 of Fransen et al. (2022): observable, n, mean, half width, sd, its offsets down and up, and half a unit of the
 /// last digit printed of each. What the paper cannot mean by its own rules stands with what they give: the lower offsets
 /// of the angles are swapped in print, the half width of the angle of movement is printed as 0.36 and its upper offset as
 /// 0.31.
-const TABLE_2: [(&str, u32, f64, [(f64, f64); 3]); 4] = [
+const TABLE_2: [PublishedRow; 4] = [
     ("angle_of_repose", 50, 25.43, [(0.58, 0.005), (0.36, 0.005), (0.48, 0.005)]),
     ("angle_of_movement", 50, 41.40, [(0.38, 0.005), (0.24, 0.005), (0.32, 0.005)]),
     ("bulk_density", 50, 1473.1, [(3.0, 0.05), (1.88, 0.005), (2.52, 0.005)]),

@@ -125,9 +125,9 @@ impl Collector {
         let experiment = row.experiment()?;
         let repetition = row.whole("repetition", 1, "repetitions count from 1")?;
         let (names, kind) = if outline {
-            (experiment.from_outline(), "an outline")
+            (experiment.read_off_outline(), "an outline")
         } else {
-            (experiment.from_force(), "a force over time")
+            (experiment.read_off_force(), "a force over time")
         };
         if names.is_empty() {
             return Err(
