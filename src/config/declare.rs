@@ -313,10 +313,11 @@ const DIAGNOSE: &[Key] = &[
     key(
         "anchors",
         Kind::Count(1, MANY),
-        "24",
+        "48",
         "points over parameters and strength at which every effect is simulated; shared by all diagnoses",
     ),
-    key("anchor_repetitions", Kind::Count(2, 100_000), "8", "simulations at every anchor"),
+    key("anchor_repetitions", Kind::Count(2, 100_000), "4", "simulations at every such point"),
+    key("refine_points", Kind::Count(4, MANY), "48", "points around an optimum, without and with an effect"),
     key(
         "refine_repetitions",
         Kind::Count(2, 100_000),

@@ -314,8 +314,10 @@ pub struct Diagnose {
     pub left_out: Option<String>,
     /// Anchors of every effect: points over parameters and strength.
     pub anchors: u32,
-    /// Simulations at every anchor.
+    /// Simulations at every anchor, and at every point around an optimum.
     pub anchor_repetitions: u32,
+    /// Points around an optimum.
+    pub refine_points: u32,
     /// Direct simulations at an optimum.
     pub refine_repetitions: u32,
     /// Bootstrap draws.
@@ -483,6 +485,7 @@ pub(super) fn diagnose(values: &Values, active: &[(String, f64)]) -> Diagnose {
         left_out: None,
         anchors: values.count32("diagnose.anchors"),
         anchor_repetitions: values.count32("diagnose.anchor_repetitions"),
+        refine_points: values.count32("diagnose.refine_points"),
         refine_repetitions: values.count32("diagnose.refine_repetitions"),
         bootstrap: values.count32("diagnose.bootstrap"),
         thresholds: thresholds(values),

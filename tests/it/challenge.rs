@@ -119,6 +119,7 @@ fn an_effect_on_the_bulk_density_alone_is_absorbed_unless_the_grains_were_weighe
         ("refine_repetitions = 3", "refine_repetitions = 24"),
         ("anchors = 1\n", "anchors = 8\n"),
         ("anchor_repetitions = 2", "anchor_repetitions = 6"),
+        ("refine_points = 4", "refine_points = 8"),
         ("[\"size_distribution\"]", "[\"density_bias\"]"),
         ("interior = 2", "interior = 6"),
         ("\nrepetitions = 2\nresolution", "\nrepetitions = 4\nresolution"),

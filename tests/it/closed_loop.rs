@@ -46,8 +46,9 @@ repetitions = 2
 
 [diagnose]
 candidates = ["cohesion", "wall_friction_scatter", "size_distribution"]
-anchors = 24
-anchor_repetitions = 6
+anchors = 36
+anchor_repetitions = 4
+refine_points = 24
 refine_repetitions = 40
 bootstrap = 400
 

@@ -51,6 +51,7 @@ repetitions = 2
 candidates = ["size_distribution"]
 anchors = 2
 anchor_repetitions = 10
+refine_points = 4
 refine_repetitions = 12
 bootstrap = 200
 

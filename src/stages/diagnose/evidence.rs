@@ -1,8 +1,8 @@
 //! The evidence: which measured statistics are compared, their values, and how well they are known.
 
-use super::moments::{Batch, Moment, Statistic, line};
+use super::moments::{Batch, Moment, Shape, Statistic, line};
 use crate::config::{Config, Measured, MeasuredSummary};
-use crate::stats::special::{beta_i, trigamma};
+use crate::stats::special::beta_i;
 use crate::stats::summary::ln_sd;
 use nalgebra::{DMatrix, DVector};
 
@@ -88,8 +88,8 @@ impl Evidence {
     fn add_if_own(&mut self, statistic: Statistic, from: (&Measured, &MeasuredSummary), simulated: &Batch) {
         let mut wider = self.statistics.clone();
         wider.push(statistic);
-        let Some(moments) = simulated.moments(&wider) else { return };
-        if own_share(&moments.covariance) >= OWN_SHARE {
+        let Some(shape) = Shape::pooled(&[simulated], &wider) else { return };
+        if own_share(shape.correlation) >= OWN_SHARE {
             self.add(wider[wider.len() - 1].clone(), from);
         }
     }
@@ -119,34 +119,39 @@ impl Evidence {
         self.statistics.iter().any(|statistic| statistic.moment == moment)
     }
 
-    /// Covariance of the measured values. Correlations are those of the simulated repetitions. Variances of the means
-    /// are pooled with the simulated scatter where both agree (F-test at 1 %), else measured; those of ln s follow from
-    /// the number of repetitions.
-    pub fn noise(&self, simulated: &Batch) -> Option<Noise> {
-        let moments = simulated.moments(&self.statistics)?;
+    /// The shape that batches of runs have in common, and the noise with the scatter of the last of them.
+    pub fn scatter(&self, batches: &[Batch]) -> Option<(Shape, Noise)> {
+        let shape = Shape::pooled(&batches.iter().collect::<Vec<_>>(), &self.statistics)?;
+        let noise = self.noise(batches.last()?, &shape)?;
+        Some((shape, noise))
+    }
+
+    /// Covariance of the measured values. Correlations and tails are those of the simulated repetitions, `shape`.
+    /// Variances of the means are pooled with the simulated scatter where both agree (F-test at 1 %), else measured; those
+    /// of ln s follow from the number of repetitions and the tails.
+    pub fn noise(&self, simulated: &Batch, shape: &Shape) -> Option<Noise> {
+        let moments = simulated.moments(&self.statistics, shape)?;
         let mut variances = Vec::new();
         let mut measured_share = Vec::new();
         for (index, statistic) in self.statistics.iter().enumerate() {
-            let (n, m) = (self.counts[index] as f64, simulated.count(statistic) as f64);
+            let (n, m) = (self.counts[index], simulated.count(statistic));
             if statistic.moment == Moment::LnSd {
-                variances.push(0.25 * trigamma(0.5 * (n - 1.0)));
+                variances.push(shape.ln_sd_variance(index, n));
                 measured_share.push(0.0);
                 continue;
             }
             let simulated = match statistic.moment {
                 Moment::Trend => moments.covariance[(index, index)] * simulated.line(statistic)?.lever,
-                _ => moments.covariance[(index, index)] * m,
+                _ => moments.covariance[(index, index)] * m as f64,
             };
             let measured = self.sds[index] * self.sds[index];
-            let agree = scatter_p(measured, n - 1.0, simulated, m - 1.0) > SCATTER_LEVEL;
-            let share = if agree { (n - 1.0) / (n + m - 2.0) } else { 1.0 };
+            let agree =
+                scatter_p(measured, shape.freedom(index, n), simulated, shape.freedom(index, m)) > SCATTER_LEVEL;
+            let share = if agree { (n as f64 - 1.0) / ((n + m) as f64 - 2.0) } else { 1.0 };
             variances.push((share * measured + (1.0 - share) * simulated) / self.divisors[index]);
             measured_share.push(share);
         }
-        let scale = |i: usize| (variances[i] / moments.covariance[(i, i)]).sqrt();
-        let covariance =
-            DMatrix::from_fn(variances.len(), variances.len(), |i, j| moments.covariance[(i, j)] * scale(i) * scale(j));
-        Some(Noise { covariance, measured_share })
+        Some(Noise { covariance: shape.covariance(&variances), measured_share })
     }
 }
 
@@ -171,10 +176,8 @@ fn statistic(summary: &MeasuredSummary, moment: Moment) -> Statistic {
 }
 
 /// Share of the last variance that the others leave unexplained.
-fn own_share(covariance: &DMatrix<f64>) -> f64 {
-    let last = covariance.nrows() - 1;
-    let sd = |i: usize| covariance[(i, i)].sqrt();
-    let correlation = DMatrix::from_fn(last + 1, last + 1, |i, j| covariance[(i, j)] / (sd(i) * sd(j)));
+fn own_share(correlation: DMatrix<f64>) -> f64 {
+    let last = correlation.nrows() - 1;
     correlation.cholesky().map_or(0.0, |factor| {
         let pivot = factor.l()[(last, last)];
         pivot * pivot
@@ -204,8 +207,8 @@ mod tests {
 
     #[test]
     fn an_observable_that_follows_from_another_has_no_share_of_its_own() {
-        let covariance = DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 1.0001]);
-        assert!(own_share(&covariance) < OWN_SHARE);
-        assert!((own_share(&DMatrix::identity(3, 3)) - 1.0).abs() < 1e-12);
+        let close = 2.0 / 4.0004_f64.sqrt();
+        assert!(own_share(DMatrix::from_row_slice(2, 2, &[1.0, close, close, 1.0])) < OWN_SHARE);
+        assert!((own_share(DMatrix::identity(3, 3)) - 1.0).abs() < 1e-12);
     }
 }

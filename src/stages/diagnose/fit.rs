@@ -5,6 +5,7 @@
 //! are those of the unit cube: parameters between their bounds, a strength in its physical range.
 
 use super::anchors::{Anchors, place_of, strength_at};
+use super::closer::Run;
 use super::evidence::Evidence;
 use super::moments::{Batch, Moment, Statistic};
 use crate::config::{Config, Measured};
@@ -126,26 +127,26 @@ impl Surface {
         Some(surface)
     }
 
-    /// The same metamodels, hyperparameters kept, which also know the direct runs `batch` at `x`; `None` where an
-    /// observable could not be measured there.
-    pub fn knowing(&self, batch: &Batch, x: &DVector<f64>) -> Option<Self> {
-        let (rows, range) = (self.rows.clone(), self.range);
-        let mut trends = self.trends.clone();
-        for (row, trend) in trends.iter_mut().enumerate().filter(|(_, trend)| trend.information > 0.0) {
-            let statistic = &self.observables[rows[row].0].0;
-            *trend = with_runs(*trend, batch, statistic, self.strength(x.as_slice()));
-        }
-        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows, trends, range };
-        for (model, (statistic, observations)) in self.models.iter().zip(&self.observables) {
-            let more = at(batch, statistic, x.as_slice());
-            if more.counts[0] == 0 {
-                return None;
+    /// The same metamodels, hyperparameters kept, which also know direct `runs`. A metamodel that cannot take them stays as
+    /// it is.
+    #[must_use]
+    pub fn knowing(&self, runs: &[Run]) -> Self {
+        let mut better = self.clone();
+        for (row, trend) in better.trends.iter_mut().enumerate().filter(|(_, trend)| trend.information > 0.0) {
+            let statistic = &self.observables[self.rows[row].0].0;
+            for (x, batch) in runs {
+                *trend = with_runs(*trend, batch, statistic, self.strength(x.as_slice()));
             }
-            let observations = observations.joined(&more);
-            surface.models.push(Metamodel::restore(&model.records(), &observations).ok()?);
-            surface.observables.push((statistic.clone(), observations));
         }
-        Some(surface)
+        for (model, (statistic, observations)) in better.models.iter_mut().zip(&mut better.observables) {
+            for (x, batch) in runs {
+                *observations = observations.joined(&at(batch, statistic, x.as_slice()));
+            }
+            if let Ok(restored) = Metamodel::restore(&model.records(), observations) {
+                *model = restored;
+            }
+        }
+        better
     }
 
     /// The same surface for the statistics `kept` alone.
@@ -291,6 +292,20 @@ pub fn starts(p: usize) -> Vec<Vec<f64>> {
     let corner = |index: usize| (0..p).map(|d| if index >> d & 1 == 1 { 0.8 } else { 0.2 }).collect::<Vec<f64>>();
     let corners = if p <= 6 { 1 << p } else { 0 };
     std::iter::once(vec![0.5; p]).chain((0..corners).map(corner)).collect()
+}
+
+/// The best fit over metamodels alone, whose error is taken at the optimum of a first pass; the covariance of the measured
+/// values comes with the correlation of the metamodels' errors.
+pub fn over_metamodels(
+    surface: &Surface,
+    evidence: &Evidence,
+    (noise, correlation): (&DMatrix<f64>, &DMatrix<f64>),
+    parameters: impl Fn(&[f64]) -> Vec<Parameter>,
+) -> Result<GlsFit, StageError> {
+    let p = surface.models.first().map_or(0, Metamodel::dimension);
+    let first = best(surface, evidence, noise, &starts(p), &parameters)?;
+    let wider = noise + surface.uncertainty(&first.parameters, correlation);
+    best(surface, evidence, &wider, &[first.parameters.as_slice().to_vec()], parameters)
 }
 
 /// The best fit of `surface` from several starts; `parameters` makes the parameters that start at a point.

@@ -11,10 +11,11 @@
 //! however far the parameters move.
 
 use super::anchors::{Anchors, place_of, strength_at};
+use super::closer::{Look, Run, Seen};
 use super::direct;
 use super::fit::{self, Surface};
 use super::lab::Lab;
-use super::moments::{Batch, Moment};
+use super::moments::Moment;
 use super::verdict::Case;
 use crate::campaign::CampaignError;
 use crate::effects::{self, Handle};
@@ -25,10 +26,6 @@ use crate::stages::models::Models;
 use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
 use nalgebra::{DMatrix, DVector};
 
-/// Most rounds of direct runs at an optimum that moves with them.
-const ROUNDS: usize = 4;
-/// Standard errors that an optimum may move by when it is tied and still counts as settled.
-const SETTLED: f64 = 0.5;
 /// Share of its range below which a strength is as good as zero, and says nothing per unit.
 const NOTHING: f64 = 0.01;
 /// Strengths at which a signature is taken, as shares of an end of the range.
@@ -50,11 +47,14 @@ pub struct Contender {
     misfit: Option<f64>,
     tie: Option<Tie>,
     was_run: bool,
+    /// Whether the runs left it no strength.
+    absent: bool,
 }
 
-/// The latest direct runs.
+/// What direct runs around the joint optimum and at it tell.
 #[derive(Clone)]
 struct Tie {
+    /// Where the runs at the optimum were made.
     x: DVector<f64>,
     /// Covariance of the measured values, with the scatter of these runs.
     noise: DMatrix<f64>,
@@ -77,10 +77,11 @@ impl Contender {
     pub fn new(case: &Case, models: &Models, anchors: &Anchors, name: &str) -> Result<Self, StageError> {
         let effect = case.context.config.effects.library.find(name).map_err(CampaignError::from)?;
         let trained = Surface::joint(case.context, models, anchors, (name, effect.range()), &case.evidence.statistics);
-        let origin = case.optimum.clone().push(place_of(effect.range(), 0.0));
-        let unmeasured = || "an observable could not be measured at the optimum".to_owned();
-        let surface = trained.and_then(|s| s.knowing(&case.before, &origin).ok_or_else(unmeasured));
-        let mut contender = Self { effect, surface, misfit: None, tie: None, was_run: false };
+        let without = |(u, batch): &Run| (u.clone().push(place_of(effect.range(), 0.0)), batch.clone());
+        let mut runs: Vec<Run> = case.runs.iter().map(without).collect();
+        runs.push(without(&(case.optimum.clone(), case.before.clone())));
+        let surface = trained.map(|surface| surface.knowing(&runs));
+        let mut contender = Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false };
         contender.misfit = match &contender.surface {
             Ok(surface) => {
                 let (fit, covariance) = contender.optimum(case, surface)?;
@@ -116,22 +117,40 @@ impl Contender {
         self.tie.is_some()
     }
 
-    /// Runs the simulation at the joint optimum and fits again, until the optimum stays. Nothing is run where the
-    /// strength comes out as zero.
+    /// Runs the simulation around the joint optimum and at it. Nothing is run where the strength comes out as zero.
     pub fn tie(&mut self, case: &Case, lab: &mut Lab) -> Result<(), StageError> {
         self.was_run = true;
-        for round in 1..=ROUNDS {
-            let Some(found) = self.fit(case)? else { return Ok(()) };
-            if !self.has_strength(&found) || self.is_settled(&found.fit) {
-                return Ok(());
-            }
-            let label = format!("{}/{} {round}", case.set.name, self.name());
-            let effects = [(self.name().to_owned(), found.strength)];
-            let batch = direct::batch(case.context, lab, label, &found.u, &effects)?;
-            if !self.tie_to(case, &batch, found.fit.parameters) {
-                return Ok(());
-            }
+        let (Ok(global), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(()) };
+        self.absent = !self.has_strength(&found);
+        if self.absent {
+            return Ok(());
         }
+        let name = self.name().to_owned();
+        let parameters = |start: &[f64]| self.parameters(case, start);
+        let look = Look {
+            context: case.context,
+            evidence: &case.evidence,
+            label: format!("{}/around {name}", case.set.name),
+            effect: Some((self.effect.name(), self.effect.range())),
+            noise: &case.noise.covariance,
+            correlation: &case.shape.correlation,
+            parameters: &parameters,
+            starts: self.starts(case),
+        };
+        let seen = look.settle(lab, global.clone(), found.fit)?;
+        let Seen { surface, fit, .. } = seen;
+        let found = self.joint(case, fit);
+        self.absent = !self.has_strength(&found);
+        if self.absent {
+            self.surface = Ok(surface);
+            return Ok(());
+        }
+        let label = format!("{}/with {name}", case.set.name);
+        let batch = direct::batch(case.context, lab, label, &found.u, &[(name, found.strength)])?;
+        let Some(noise) = case.evidence.noise(&batch, &case.shape) else { return Ok(()) };
+        let x = found.fit.parameters;
+        self.surface = Ok(surface.knowing(&[(x.clone(), batch)]));
+        self.tie = Some(Tie { x, noise: noise.covariance });
         Ok(())
     }
 
@@ -140,32 +159,17 @@ impl Contender {
         found.strength.abs() >= NOTHING * (upper - lower)
     }
 
-    fn is_settled(&self, fit: &GlsFit) -> bool {
-        self.tie.as_ref().is_some_and(|tie| {
-            let moved = (0..tie.x.len()).map(|i| (fit.parameters[i] - tie.x[i]).abs() / sd(fit, i));
-            moved.fold(0.0, f64::max) <= SETTLED
-        })
-    }
-
-    /// Lets the model know the runs at `x`; false where an observable could not be measured.
-    fn tie_to(&mut self, case: &Case, batch: &Batch, x: DVector<f64>) -> bool {
-        let Ok(surface) = &self.surface else { return false };
-        let (Some(surface), Some(noise)) = (surface.knowing(batch, &x), case.evidence.noise(batch)) else {
-            return false;
-        };
-        self.surface = Ok(surface);
-        self.tie = Some(Tie { x, noise: noise.covariance });
-        true
-    }
-
     /// The joint optimum over the model as it stands; `None` without a model.
     pub fn fit(&self, case: &Case) -> Result<Option<JointFit>, StageError> {
         let Ok(surface) = &self.surface else { return Ok(None) };
-        let fit = self.optimum(case, surface)?.0;
+        Ok(Some(self.joint(case, self.optimum(case, surface)?.0)))
+    }
+
+    fn joint(&self, case: &Case, fit: GlsFit) -> JointFit {
         let (p, range) = (case.optimum.len(), self.effect.range());
         let (u, strength) = (fit.parameters.rows(0, p).into_owned(), strength_at(range, fit.parameters[p]));
         let strength_sd = fit.covariance[(p, p)].max(0.0).sqrt() * (range.1 - range.0);
-        Ok(Some(JointFit { fit, u, strength, strength_sd }))
+        JointFit { fit, u, strength, strength_sd }
     }
 
     /// The optimum of the metamodels, whose error is taken at the optimum of a first pass, and the covariance behind it.
@@ -174,7 +178,7 @@ impl Contender {
         let best = |covariance: &DMatrix<f64>, starts: &[Vec<f64>]| {
             fit::best(surface, &case.evidence, covariance, starts, |start| self.parameters(case, start))
         };
-        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.correlation);
+        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.shape.correlation);
         let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| wider(&tie.x));
         let first = best(&typical, &self.starts(case))?;
         let covariance = wider(&first.parameters);
@@ -263,7 +267,7 @@ impl Contender {
         if case.leaves_out(self.name()) {
             candidate.testable = Err(LEFT_OUT.to_owned());
         }
-        candidate.absent = self.was_run && !self.has_strength(&found);
+        candidate.absent = self.absent || (self.is_tied() && !self.has_strength(&found));
         if self.was_run && !candidate.absent && !self.is_tied() {
             candidate.testable = Err("an observable could not be measured in the runs with it".to_owned());
             return Ok(candidate);
@@ -274,10 +278,6 @@ impl Contender {
         (candidate.covariance, candidate.shift) = path.error(&found);
         Ok(candidate)
     }
-}
-
-fn sd(fit: &GlsFit, i: usize) -> f64 {
-    fit.covariance[(i, i)].max(0.0).sqrt()
 }
 
 /// The way of the parameters as the strength grows.
@@ -303,7 +303,8 @@ impl Path<'_> {
     }
 
     fn signature(&self, strength: f64, found: &JointFit) -> Result<Signature, StageError> {
-        let u = self.parameters_at(strength, found)?;
+        let is_fitted = strength == found.strength;
+        let u = if is_fitted { found.u.clone() } else { self.parameters_at(strength, found)? };
         let change =
             self.surface.predict(&self.at(&u, strength)).0 - DVector::from_column_slice(&self.case.model.values);
         let per_unit = (change - &self.case.slopes.jacobian * (&u - &self.case.optimum)) / strength;
@@ -314,11 +315,8 @@ impl Path<'_> {
         u.clone().push(place_of(self.contender.effect.range(), strength))
     }
 
-    /// The best parameters at a given strength.
+    /// The best parameters at another strength than the fitted one.
     fn parameters_at(&self, strength: f64, found: &JointFit) -> Result<DVector<f64>, StageError> {
-        if strength == found.strength {
-            return Ok(found.u.clone());
-        }
         let model = |u: &DVector<f64>| {
             let (values, slopes) = self.surface.predict(&self.at(u, strength));
             (values, slopes.columns(0, u.len()).into_owned())
@@ -340,7 +338,7 @@ impl Path<'_> {
         let half = if upper > 0.0 { 0.5 * upper } else { 0.5 * lower };
         let known = found.strength.abs() >= LEAST_UNTIED * half.abs();
         let (u, strength) = if known { (&found.u, found.strength) } else { (&self.case.optimum, half) };
-        let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.correlation);
+        let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.shape.correlation);
         let both = error(&self.at(u, strength)) + error(&self.at(&self.case.optimum, 0.0));
         (both / (strength * strength), (u - &self.case.optimum) / strength)
     }

@@ -10,6 +10,7 @@
 
 mod anchors;
 mod before_after;
+mod closer;
 mod direct;
 mod evidence;
 mod fit;
@@ -38,7 +39,7 @@ use lab::Lab;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 3,
+    version: 4,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[

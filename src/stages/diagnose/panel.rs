@@ -10,7 +10,7 @@ use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Moment, Moments};
 use super::rows;
-use super::verdict::{Case, Examined, attributed, examine, options};
+use super::verdict::{Case, Examined, at_bound, attributed, examine, options};
 use crate::config::Measured;
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
@@ -62,8 +62,7 @@ impl<'a> Panel<'a> {
     }
 
     fn of(examined: Examined<'a>, kept: Vec<usize>) -> Option<Self> {
-        let case = &examined.case;
-        let surface = examined.surface.knowing(&case.before, &case.optimum)?.restricted(&kept);
+        let surface = examined.surface.restricted(&kept);
         let contenders = examined.contenders.iter().map(|contender| contender.restricted(&kept)).collect();
         Some(Self { kept, surface, contenders, examined })
     }
@@ -95,9 +94,9 @@ impl<'a> Panel<'a> {
     fn case<'s>(&'s self, set: &'s Measured, without: Option<&str>) -> Result<Option<Case<'s>>, StageError> {
         let known = &self.examined.case;
         let Some(evidence) = known.evidence.of(&self.kept, set) else { return Ok(None) };
-        let Some(noise) = evidence.noise(&known.before) else { return Ok(None) };
-        let correlation = known.correlation.select_rows(&self.kept).select_columns(&self.kept);
-        let error = |x| self.surface.uncertainty(x, &correlation);
+        let shape = known.shape.restricted(&self.kept);
+        let Some(noise) = evidence.noise(&known.before, &shape) else { return Ok(None) };
+        let error = |x| self.surface.uncertainty(x, &shape.correlation);
         let start = [known.optimum.as_slice().to_vec()];
         let parameters = |start: &[f64]| fit::parameters(known.context.config, set, start);
         let covariance = &noise.covariance + error(&known.optimum);
@@ -110,14 +109,15 @@ impl<'a> Panel<'a> {
             context: known.context,
             set,
             noise,
-            slopes: self.surface.slopes(&fitted.parameters, &correlation),
+            slopes: self.surface.slopes(&fitted.parameters, &shape.correlation),
             optimum_covariance: fitted.covariance,
-            at_bound: fitted.at_bound.iter().map(Option::is_some).collect(),
+            at_bound: at_bound(&fitted.parameters),
             before: known.before.clone(),
+            runs: known.runs.clone(),
             model: Moments { values, covariance },
             optimum: fitted.parameters,
             evidence,
-            correlation,
+            shape,
             left_out: without.map(str::to_owned),
         }))
     }

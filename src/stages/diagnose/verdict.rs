@@ -2,21 +2,25 @@
 
 use super::anchors::Anchors;
 use super::before_after;
+use super::closer::{Look, Run, Seen};
 use super::direct;
 use super::evidence::{Evidence, Noise};
 use super::fit::{self, Slopes, Surface};
 use super::joint::Contender;
 use super::lab::Lab;
-use super::moments::{Batch, Moment, Moments};
+use super::moments::{Batch, Moment, Moments, Shape};
 use super::{Tables, rows};
 use crate::config::{Accept, Measured, Resolution};
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
-use crate::stats::attribution::{Attribution, Candidate, GlsFit, Options, Problem, Row, RowKind, Verdict, attribute};
+use crate::stats::attribution::{Attribution, Candidate, Options, Problem, Row, RowKind, Verdict, attribute};
 use nalgebra::{DMatrix, DVector};
 
 /// How many candidates must stand on direct runs before there is a verdict.
 const LEADERS: usize = 3;
+/// How much worse, in −2 ln likelihood, the metamodels may fit with a candidate than with the best one for it to be run:
+/// far more than their errors can be wrong by.
+const HOPELESS: f64 = 50.0;
 
 /// Everything known of one data set before its attribution.
 pub struct Case<'a> {
@@ -38,10 +42,12 @@ pub struct Case<'a> {
     pub at_bound: Vec<bool>,
     /// Runs at the optimum.
     pub before: Batch,
+    /// Runs around the optimum.
+    pub runs: Vec<Run>,
     /// Statistics of those runs.
     pub model: Moments,
-    /// Correlation of the statistics between repetitions (m × m).
-    pub correlation: DMatrix<f64>,
+    /// How the repetitions near the optimum scatter.
+    pub shape: Shape,
     /// A candidate that may not be named.
     pub left_out: Option<String>,
 }
@@ -125,71 +131,57 @@ fn prepare<'a>(
             context.config.parameters.len()
         )));
     }
-    let Some(mut surface) = Surface::plain(context, models, anchors.centre(), &evidence.statistics) else {
+    let Some(surface) = Surface::plain(context, models, anchors.centre(), &evidence.statistics) else {
         return Ok(Err("a metamodel of an observable is missing, see table metamodels".to_owned()));
     };
-    let Some(noise) = evidence.noise(anchors.centre()) else { return Ok(Err(UNMEASURED.to_owned())) };
-    let plain = |surface| Plain { context, set, evidence: &evidence, surface };
-    let mut fitted = plain(&surface).over_metamodels(&noise.covariance)?;
-    // Where a verdict is to follow, runs at that optimum correct it.
-    if comparable(context, set) {
-        let batch = direct::batch(context, lab, format!("{}/centre", set.name), &fitted.parameters, &[])?;
-        let (Some(noise), Some(better)) = (evidence.noise(&batch), surface.knowing(&batch, &fitted.parameters)) else {
-            return Ok(Err(UNMEASURED.to_owned()));
-        };
-        fitted = plain(&better).with_runs(&noise.covariance, &fitted.parameters)?;
-        surface = better;
-    }
-    let before = direct::batch(context, lab, format!("{}/before", set.name), &fitted.parameters, &[])?;
-    let (Some(noise), Some(model)) = (evidence.noise(&before), before.moments(&evidence.statistics)) else {
+    let near = [anchors.centre().clone()];
+    let Some((shape, noise)) = evidence.scatter(&near) else { return Ok(Err(UNMEASURED.to_owned())) };
+    let parameters = |start: &[f64]| fit::parameters(context.config, set, start);
+    let fit = fit::over_metamodels(&surface, &evidence, (&noise.covariance, &shape.correlation), parameters)?;
+    let look = Look {
+        context,
+        evidence: &evidence,
+        label: format!("{}/around", set.name),
+        effect: None,
+        noise: &noise.covariance,
+        correlation: &shape.correlation,
+        parameters: &parameters,
+        starts: fit::starts(context.config.parameters.len()),
+    };
+    // Where a verdict is to follow, runs around the optimum correct it.
+    let Seen { surface, fit, runs } = match comparable(context, set) {
+        true => look.settle(lab, surface, fit)?,
+        false => Seen { surface, fit, runs: Vec::new() },
+    };
+    let before = direct::batch(context, lab, format!("{}/before", set.name), &fit.parameters, &[])?;
+    let around: Vec<&Batch> = runs.iter().map(|(_, batch)| batch).collect();
+    let [centre] = near;
+    let Some((shape, noise)) = evidence.scatter(&[centre, Batch::deviations(&around), before.clone()]) else {
         return Ok(Err(UNMEASURED.to_owned()));
     };
-    let model = without_trends(&evidence, model);
-    let correlation = correlation(&model.covariance);
-    let slopes = surface.slopes(&fitted.parameters, &correlation);
+    let Some(model) = before.moments(&evidence.statistics, &shape) else { return Ok(Err(UNMEASURED.to_owned())) };
+    let surface = surface.knowing(&[(fit.parameters.clone(), before.clone())]);
     let case = Case {
         context,
         set,
+        slopes: surface.slopes(&fit.parameters, &shape.correlation),
+        model: without_trends(&evidence, model),
         evidence,
         noise,
-        slopes,
-        optimum: fitted.parameters,
-        optimum_covariance: fitted.covariance,
-        at_bound: fitted.at_bound.iter().map(Option::is_some).collect(),
+        at_bound: at_bound(&fit.parameters),
+        optimum: fit.parameters,
+        optimum_covariance: fit.covariance,
         before,
-        model,
-        correlation,
+        runs,
+        shape,
         left_out: context.config.diagnose.left_out.clone(),
     };
     Ok(Ok((case, surface)))
 }
 
-/// The fit of the plain model.
-struct Plain<'a, 'c> {
-    context: &'a Context<'c>,
-    set: &'a Measured,
-    evidence: &'a Evidence,
-    surface: &'a Surface,
-}
-
-impl Plain<'_, '_> {
-    /// Over the metamodels, whose error is taken at the optimum of a first pass.
-    fn over_metamodels(&self, noise: &DMatrix<f64>) -> Result<GlsFit, StageError> {
-        let first = self.best(self.surface, noise, &fit::starts(self.context.config.parameters.len()))?;
-        let wider = noise + self.surface.uncertainty(&first.parameters, &correlation(noise));
-        self.best(self.surface, &wider, &[first.parameters.as_slice().to_vec()])
-    }
-
-    /// The same with metamodels that also know the runs at `centre`, which gave this `noise`.
-    fn with_runs(&self, noise: &DMatrix<f64>, centre: &DVector<f64>) -> Result<GlsFit, StageError> {
-        let covariance = noise + self.surface.uncertainty(centre, &correlation(noise));
-        self.best(self.surface, &covariance, &[centre.as_slice().to_vec()])
-    }
-
-    fn best(&self, surface: &Surface, covariance: &DMatrix<f64>, starts: &[Vec<f64>]) -> Result<GlsFit, StageError> {
-        let parameters = |start: &[f64]| fit::parameters(self.context.config, self.set, start);
-        fit::best(surface, self.evidence, covariance, starts, parameters)
-    }
+/// Which parameters lie on a face of the unit cube.
+pub fn at_bound(u: &DVector<f64>) -> Vec<bool> {
+    u.iter().map(|x| *x <= 0.0 || *x >= 1.0).collect()
 }
 
 /// Statistics of the plain model: its repetitions are independent, so that its trends are zero and known to be. What is
@@ -205,11 +197,6 @@ fn without_trends(evidence: &Evidence, mut model: Moments) -> Moments {
 
 /// Factor on standard deviations that makes them negligible.
 const KNOWN: f64 = 1e-4;
-
-fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
-    let entry = |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-    DMatrix::from_fn(covariance.nrows(), covariance.ncols(), entry)
-}
 
 const UNMEASURED: &str = "an observable could not be measured at the optimum, see table diagnose_kpis";
 
@@ -320,7 +307,8 @@ fn next_leader<'a>(
     let rivals = contenders.iter().enumerate().filter(|(_, c)| !case.leaves_out(c.name()));
     let mut ranked: Vec<(f64, usize)> = rivals.filter_map(|(i, c)| Some((c.misfit()?, i))).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let likeliest = ranked.into_iter().take(LEADERS).map(|(_, i)| i);
+    let hopeless = ranked.first().map_or(0.0, |(best, _)| best + HOPELESS);
+    let likeliest = ranked.into_iter().filter(|(misfit, _)| *misfit < hopeless).take(LEADERS).map(|(_, i)| i);
     let all = contenders.iter().enumerate().filter(|(_, c)| wanted(c)).map(|(i, _)| i).chain(likeliest);
     let next = all.collect::<Vec<_>>().into_iter().find(|i| !contenders[*i].was_run())?;
     contenders.get_mut(next)

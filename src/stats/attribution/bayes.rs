@@ -5,12 +5,12 @@
 use crate::stats::special;
 use std::f64::consts::LN_2;
 
-/// Evidence for one strength: signed z, gain (z² or the profiled gain), a² and the prior's scale τ.
+/// Evidence for one strength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Evidence {
-    /// Sign of the estimate relative to the allowed side, times √gain.
+    /// Estimate in units of its standard error, aη̂, positive on the allowed side.
     pub z: f64,
-    /// T₀ minus leftover, less the volume ln det(I + η²C) of the signature's error.
+    /// T₀ minus leftover, less the volume ln det(I + η²C) of the signature's error; z² where all is linear and exact.
     pub gain: f64,
     /// a².
     pub norm2: f64,
@@ -21,16 +21,17 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    /// ln BF = −½ ln(1 + τ²a²) + ½z²τ²a²/(1 + τ²a²), plus ln 2Φ(zτa/√(1 + τ²a²)) for a half-normal prior.
+    /// ln BF = −½ ln(1 + τ²a²) + ½(gain − z²/(1 + τ²a²)), plus ln 2Φ(zτa/√(1 + τ²a²)) for a half-normal prior. The second
+    /// part is ½z²τ²a²/(1 + τ²a²) where gain = z²; what the prior takes away, ½η̂²/(τ² + 1/a²), does not grow with a gain
+    /// that a bent signature owes to its path.
     pub(super) fn ln_bayes(&self, factor: f64) -> f64 {
         let tau = factor * self.tau;
         let s = tau * tau * self.norm2;
-        let shrink = s / (1.0 + s);
-        let two_sided = -0.5 * libm::log1p(s) + 0.5 * self.gain * shrink;
+        let two_sided = -0.5 * libm::log1p(s) + 0.5 * (self.gain - self.z * self.z / (1.0 + s));
         if !self.one_sided {
             return two_sided;
         }
-        two_sided + LN_2 + special::normal_ln_cdf(self.z * shrink.sqrt())
+        two_sided + LN_2 + special::normal_ln_cdf(self.z * (s / (1.0 + s)).sqrt())
     }
 }
 

@@ -258,7 +258,7 @@ impl Machine {
         }
         let scale = self.effects[found.geometry][k].scale(found.fit.strength);
         let gain = seen.t0 - found.fit.leftover - scale.ln_det;
-        Evidence { z: gain.max(0.0).sqrt(), gain, norm2: scale.norm2, tau, one_sided }
+        Evidence { z: found.fit.strength.abs() * scale.norm2.sqrt(), gain, norm2: scale.norm2, tau, one_sided }
     }
 
     /// Local z of candidate k in the geometry of T₀.

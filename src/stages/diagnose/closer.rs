@@ -1,0 +1,195 @@
+//! A closer look at an optimum: direct runs all over its region.
+//!
+//! Metamodels trained over the whole space can be wrong by several standard errors of a measurement at an optimum, in their
+//! slopes too, and more runs at the optimum itself tell neither. So the region that the fit leaves open is sampled, the
+//! metamodels learn what was seen, and the fit is repeated; the region follows the optimum until that lies well inside.
+
+use super::anchors::{point_at, strength_at, with_more};
+use super::evidence::Evidence;
+use super::fit::{self, Surface};
+use super::lab::{Job, Lab};
+use super::moments::Batch;
+use crate::stages::{Context, StageError};
+use crate::stats::attribution::{GlsFit, Parameter};
+use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
+use crate::stats::points::Points;
+use nalgebra::{DMatrix, DVector};
+
+/// Most regions that are looked at, one after the other.
+const ROUNDS: usize = 4;
+/// Half width of a region in standard errors of the fit.
+const WIDTH: f64 = 4.0;
+/// The least and the largest half width, in the unit cube.
+const HALF: (f64, f64) = (0.2, 0.3);
+/// Share of its width by which an optimum inside a region keeps away from the faces.
+const MARGIN: f64 = 0.1;
+
+/// Runs at a point of the unit cube.
+pub type Run = (DVector<f64>, Batch);
+
+/// A box in the unit cube.
+#[derive(Debug)]
+struct Region {
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+impl Region {
+    /// The region that a fit leaves open.
+    fn around(fit: &GlsFit) -> Self {
+        let half = |i: usize| (WIDTH * fit.covariance[(i, i)].max(0.0).sqrt()).clamp(HALF.0, HALF.1);
+        let face = |side: f64| {
+            let place = |(i, x): (usize, &f64)| (x + side * half(i)).clamp(0.0, 1.0);
+            fit.parameters.iter().enumerate().map(place).collect()
+        };
+        Self { lower: face(-1.0), upper: face(1.0) }
+    }
+
+    /// Whether an optimum lies well inside, or on the face of the unit cube.
+    fn holds(&self, x: &DVector<f64>) -> bool {
+        let inside = |(x, (low, high)): (&f64, (&f64, &f64))| {
+            let margin = MARGIN * (high - low);
+            (*low == 0.0 || *x >= low + margin) && (*high == 1.0 || *x <= high - margin)
+        };
+        x.iter().zip(self.lower.iter().zip(&self.upper)).all(inside)
+    }
+
+    /// A Latin hypercube over the region.
+    fn points(&self, number: usize, seed: u64) -> Vec<DVector<f64>> {
+        let annealing = Annealing { seed, ..Annealing::default() };
+        let cube = conditional_latin_hypercube(number, &Points::empty(self.lower.len()), &annealing).points;
+        let place = |i: usize, x: f64| self.lower[i] + x * (self.upper[i] - self.lower[i]);
+        cube.rows().map(|row| DVector::from_fn(row.len(), |i, _| place(i, row[i]))).collect()
+    }
+}
+
+/// What is looked at.
+pub struct Look<'a> {
+    /// The study.
+    pub context: &'a Context<'a>,
+    /// The statistics that are fitted.
+    pub evidence: &'a Evidence,
+    /// Label of the runs.
+    pub label: String,
+    /// Name and range of the effect whose strength is the last coordinate, if there is one.
+    pub effect: Option<(&'a str, (f64, f64))>,
+    /// Covariance of the measured values.
+    pub noise: &'a DMatrix<f64>,
+    /// Correlation of the metamodels' errors.
+    pub correlation: &'a DMatrix<f64>,
+    /// The parameters that start at a point.
+    pub parameters: &'a dyn Fn(&[f64]) -> Vec<Parameter>,
+    /// Where fits start, besides the last optimum.
+    pub starts: Vec<Vec<f64>>,
+}
+
+/// What was seen.
+pub struct Seen {
+    /// The metamodels, which know the runs.
+    pub surface: Surface,
+    /// The optimum.
+    pub fit: GlsFit,
+    /// All runs made.
+    pub runs: Vec<Run>,
+}
+
+impl Look<'_> {
+    /// Looks at the region of `fit`, the optimum of `surface`, until the optimum stays inside.
+    pub fn settle(&self, lab: &mut Lab, mut surface: Surface, mut fit: GlsFit) -> Result<Seen, StageError> {
+        let mut runs: Vec<Run> = Vec::new();
+        for round in 1..=ROUNDS {
+            let region = Region::around(&fit);
+            let more = self.run(lab, &region, round)?;
+            surface = surface.knowing(&more);
+            runs.extend(more);
+            fit = self.fit(&surface, &fit.parameters)?;
+            if region.holds(&fit.parameters) {
+                break;
+            }
+        }
+        Ok(Seen { surface, fit, runs })
+    }
+
+    fn run(&self, lab: &mut Lab, region: &Region, round: usize) -> Result<Vec<Run>, StageError> {
+        let diagnose = &self.context.config.diagnose;
+        let seed = self.context.seed(&format!("{} {round}", self.label));
+        let points = region.points(diagnose.refine_points as usize, seed);
+        let job = |(index, x): (usize, &DVector<f64>)| self.job(index as u32 + 1, x, round);
+        let jobs = points.iter().enumerate().map(job).collect::<Result<Vec<_>, _>>()?;
+        Ok(points.into_iter().zip(lab.run(&jobs)?).collect())
+    }
+
+    fn job(&self, number: u32, x: &DVector<f64>, round: usize) -> Result<Job, StageError> {
+        let p = self.context.config.parameters.len();
+        let strength = self.effect.map(|(name, range)| (name.to_owned(), strength_at(range, x[p])));
+        let plain = point_at(self.context, number, &x.as_slice()[..p])?;
+        Ok(Job {
+            label: format!("{} {round}", self.label),
+            point: with_more(self.context, &plain, strength.as_slice()),
+            experiments: self.context.config.experiments(),
+            repetitions: self.context.config.diagnose.anchor_repetitions,
+        })
+    }
+
+    /// The fit with the metamodels' error at the optimum of a first pass.
+    fn fit(&self, surface: &Surface, known: &DVector<f64>) -> Result<GlsFit, StageError> {
+        let best = |at: &DVector<f64>, starts: &[Vec<f64>]| {
+            let covariance = self.noise + surface.uncertainty(at, self.correlation);
+            fit::best(surface, self.evidence, &covariance, starts, self.parameters)
+        };
+        let first = best(known, &[&[known.as_slice().to_vec()], self.starts.as_slice()].concat())?;
+        best(&first.parameters, &[first.parameters.as_slice().to_vec()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fit(parameters: &[f64], sds: &[f64]) -> GlsFit {
+        let p = parameters.len();
+        GlsFit {
+            parameters: DVector::from_row_slice(parameters),
+            covariance: DMatrix::from_diagonal(&DVector::from_fn(p, |i, _| sds[i] * sds[i])),
+            chi2: 0.0,
+            dof: 0,
+            at_bound: vec![None; p],
+            condition: 1.0,
+            residual: DVector::zeros(0),
+            jacobian: DMatrix::zeros(0, p),
+            iterations: 0,
+            converged: true,
+        }
+    }
+
+    #[test]
+    fn a_region_is_four_standard_errors_wide_within_limits_and_within_the_cube() {
+        let region = Region::around(&fit(&[0.5, 0.5, 0.5, 0.95], &[0.06, 0.01, 0.5, 0.0]));
+        let close = |a: &[f64], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(
+            close(&region.lower, [0.26, 0.3, 0.2, 0.75]) && close(&region.upper, [0.74, 0.7, 0.8, 1.0]),
+            "{region:?}"
+        );
+    }
+
+    #[test]
+    fn an_optimum_is_held_well_inside_or_on_a_face_of_the_cube() {
+        let region = Region { lower: vec![0.2, 0.6], upper: vec![0.6, 1.0] };
+        let holds = |x: f64, y: f64| region.holds(&DVector::from_vec(vec![x, y]));
+        assert!(holds(0.4, 0.8) && holds(0.25, 0.65) && holds(0.4, 1.0));
+        assert!(!holds(0.23, 0.8) && !holds(0.4, 0.63) && !holds(0.58, 0.8) && !holds(0.7, 0.8));
+    }
+
+    /// One point in every slab of every coordinate, the same for the same seed.
+    #[test]
+    fn the_points_fill_the_region() {
+        let region = Region { lower: vec![0.2, 0.6], upper: vec![0.6, 1.0] };
+        let points = region.points(8, 3);
+        assert_eq!(points, region.points(8, 3));
+        for (d, low) in [(0, 0.2), (1, 0.6)] {
+            let mut slabs: Vec<usize> = points.iter().map(|x| ((x[d] - low) / 0.05) as usize).collect();
+            slabs.sort_unstable();
+            assert_eq!(slabs, (0..8).collect::<Vec<_>>());
+        }
+    }
+}
