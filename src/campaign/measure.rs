@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 const KPI_CONTEXT: &str = "granulake 2026 kpi key v1";
 /// Raised when the meaning of an observable changes.
-pub const KPI_VERSION: u64 = 2;
+pub const KPI_VERSION: u64 = 3;
 
 impl Campaign {
     /// One row per request and observable, in order; `runs` are the rows of the same requests.

@@ -352,6 +352,24 @@ const THRESHOLDS: &[Key] = &[
         "condition of the parameter slopes beyond which the profile likelihood decides",
     ),
     key("sd_from", Kind::Count(2, 100_000), "10", "repetitions from which standard deviations enter the test"),
+    key(
+        "odds",
+        Kind::Number("1", 1.0, 1e6),
+        "3",
+        "odds by which an effect must beat \"something else\", and a pair every effect",
+    ),
+    key(
+        "visibility",
+        Kind::Number("1", 0.0, 1.0),
+        "0.05",
+        "share of a signature below which an effect is called absorbed by calibration, if it is out of reach too",
+    ),
+    key(
+        "pair_level",
+        Kind::Number("1", 1e-6, 0.5),
+        "0.05",
+        "family-wise level of each member of a pair beside the other",
+    ),
     key("pair_freedom", Kind::Count(3, 1000), "6", "degrees of freedom from which pairs of effects are considered"),
 ];
 

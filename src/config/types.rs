@@ -347,6 +347,12 @@ pub struct Thresholds {
     pub condition: f64,
     /// Repetitions from which standard deviations enter the test.
     pub sd_from: u32,
+    /// Odds by which an effect must beat "something else", and a pair every single effect.
+    pub odds: f64,
+    /// Share of a signature below which an effect that is out of reach is absorbed by calibration.
+    pub visibility: f64,
+    /// Family-wise level of each member of a pair beside the other.
+    pub pair_level: f64,
     /// Degrees of freedom from which pairs are considered.
     pub pair_freedom: u32,
 }
@@ -505,6 +511,9 @@ fn thresholds(values: &Values) -> Thresholds {
         separation: number("separation"),
         condition: number("condition"),
         sd_from: count("sd_from"),
+        odds: number("odds"),
+        visibility: number("visibility"),
+        pair_level: number("pair_level"),
         pair_freedom: count("pair_freedom"),
     }
 }

@@ -156,8 +156,10 @@ fn walls(settings: &Settings, top: f64) -> Vec<Wall> {
     walls
 }
 
+/// The grains under the shelf. One that reaches up to it hangs on its edge, held by liquid or by its neighbours, and is no
+/// part of the heap: a single one multiplies the roughness of a slope and turns it by several degrees.
 fn below_slot(settings: &Settings, picture: &[Grain]) -> Vec<Grain> {
-    picture.iter().filter(|grain| grain.z < settings["pile.drop_height"]).copied().collect()
+    picture.iter().filter(|grain| grain.top() < settings["pile.drop_height"]).copied().collect()
 }
 
 fn shelf_mass(settings: &Settings, state: &State) -> f64 {

@@ -112,6 +112,9 @@ fn an_arch_over_the_slot_is_no_pile_test() {
     let (drop, slot) = (Settings::default()["pile.drop_height"], Settings::default()["pile.slot"]);
     push(&mut state, 0.6 * slot, 0.05, drop + 0.01, 5e-3);
     assert!(value(&measure("pile", &Settings::default(), &state, &[]), "angle_of_repose").is_ok(), "on a shelf");
+    let clear = measure("pile", &Settings::default(), &state, &[]);
+    push(&mut state, -0.5 * slot, 0.05, drop - 4e-3, 5e-3);
+    assert_eq!(measure("pile", &Settings::default(), &state, &[]), clear, "a grain that hangs on the edge is no heap");
     push(&mut state, 0.1 * slot, 0.05, drop + 0.01, 5e-3);
     for (name, value) in measure("pile", &Settings::default(), &state, &[]) {
         assert_eq!(value.map_err(|reason| reason.code()), Err("arched"), "{name}");

@@ -14,7 +14,8 @@ use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, GlsOptions, Parameter, Prior, gls_fit};
 use crate::stats::metamodel::{Metamodel, Observations, Prediction};
 use crate::stats::points::Points;
-use crate::stats::summary::{mean, sd};
+use crate::stats::special::trigamma;
+use crate::stats::summary::{ln_sd, mean, sd};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -24,6 +25,8 @@ pub struct Surface {
     models: Vec<Metamodel>,
     /// A statistic of every observable, in the order of the metamodels, and what the metamodels predict from.
     observables: Vec<(Statistic, Observations)>,
+    /// Lack of fit of ln s of every metamodel.
+    lack: Vec<f64>,
     /// Index of the metamodel of every statistic, and its moment.
     rows: Vec<(usize, Moment)>,
     /// Trend of every statistic per unit of strength, zero where nothing drifts.
@@ -118,9 +121,11 @@ impl Surface {
         let rows: Vec<_> = statistics.iter().map(|s| Some((place(s)?, s.moment))).collect::<Option<_>>()?;
         let trained: Vec<Option<(Metamodel, Observations)>> = observables.par_iter().map(|s| train(s)).collect();
         let trends = vec![Trend::default(); rows.len()];
-        let mut surface = Self { models: Vec::new(), observables: Vec::new(), rows, trends, range: None };
+        let mut surface =
+            Self { models: Vec::new(), observables: Vec::new(), lack: Vec::new(), rows, trends, range: None };
         for (statistic, trained) in observables.into_iter().zip(trained) {
             let (model, observations) = trained?;
+            surface.lack.push(lack(&model, &observations));
             surface.models.push(model);
             surface.observables.push((statistic.clone(), observations));
         }
@@ -146,6 +151,8 @@ impl Surface {
                 *model = restored;
             }
         }
+        let pairs = better.models.iter().zip(&better.observables);
+        better.lack = pairs.map(|(model, (_, observations))| lack(model, observations)).collect();
         better
     }
 
@@ -202,7 +209,7 @@ impl Surface {
         let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
         let error = |((model, moment), trend): (&(usize, Moment), &Trend)| match moment {
             Moment::Mean => predictions[*model].epistemic_sd,
-            Moment::LnSd => predictions[*model].log_sd_error,
+            Moment::LnSd => predictions[*model].log_sd_error.hypot(self.lack[*model]),
             Moment::Trend => self.strength(x.as_slice()).abs() * trend.sd(),
         };
         scaled(correlation, &self.rows.iter().zip(&self.trends).map(error).collect::<Vec<_>>())
@@ -219,6 +226,23 @@ impl Surface {
         let column = |j: usize| scaled(correlation, &errors.iter().map(|row| row[j]).collect::<Vec<_>>());
         Slopes { jacobian: self.predict(x).1, covariance: (0..x.len()).map(column).collect() }
     }
+}
+
+/// How much more than by their own error the scatters of repetitions differ from the metamodel, as a standard deviation of
+/// ln s: the root of Σ w((ln s − ln ŝ)² − v)/Σ w with v = ψ₁(ν/2)/4 and w = 1/v², at least 0. Few repetitions at many points
+/// let a metamodel take the scatter for constant; what many repetitions at one point tell then shows here.
+fn lack(model: &Metamodel, observations: &Observations) -> f64 {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for (index, point) in observations.points.rows().enumerate() {
+        let (n, s) = (observations.counts[index], observations.sds[index]);
+        let Some(predicted) = model.predict(point).sd.filter(|sd| n >= 2 && s > 0.0 && sd.value > 0.0) else {
+            continue;
+        };
+        let (off, v) = (ln_sd(s, n).value - libm::log(predicted.value), 0.25 * trigamma(0.5 * (n as f64 - 1.0)));
+        sum += (off * off - v) / (v * v);
+        weights += 1.0 / (v * v);
+    }
+    if weights > 0.0 { (sum / weights).max(0.0).sqrt() } else { 0.0 }
 }
 
 /// The covariance with a given correlation and given standard deviations.

@@ -214,7 +214,7 @@ fn verdict(case: &Case, attribution: &Attribution) -> VerdictRow {
         dof: attribution.evidence as u32,
         p: attribution.t0_p,
         direction: direction(attribution),
-        advice: advice(attribution),
+        advice: advice(attribution, case.context.config.diagnose.thresholds.separation),
     }
 }
 
@@ -226,8 +226,20 @@ fn direction(attribution: &Attribution) -> String {
     text.collect::<Vec<_>>().join(", ")
 }
 
-fn advice(attribution: &Attribution) -> String {
+/// The rival that is nearer to a named effect than a single name asks for: D² = (aη)²(1 − c²).
+fn near_rival(attribution: &Attribution, named: &str, due: f64) -> Option<String> {
+    let effect = attribution.effects.iter().find(|effect| effect.name == named)?;
+    let (rival, cosine) = effect.nearest_rival.as_ref()?;
+    let size = effect.a * effect.strength;
+    let squared = size * size * (1.0 - cosine * cosine);
+    (squared < due).then(|| {
+        format!("{rival} is near: squared distance {squared:.1}, where {due:.0} is asked for a name of its own; add repetitions or observables")
+    })
+}
+
+fn advice(attribution: &Attribution, due: f64) -> String {
     let next = match &attribution.verdict {
+        Verdict::Effect(named) => near_rival(attribution, &named.name, due).unwrap_or_default(),
         Verdict::Class { measure: Some(name), .. } => format!("measure {name}"),
         Verdict::Class { measure: None, .. } => {
             "measure more observables of the same tests, or add repetitions, to separate the class".to_owned()
