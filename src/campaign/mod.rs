@@ -201,6 +201,11 @@ impl Campaign {
         Ok(outlook)
     }
 
+    /// What so many runs of an experiment cost where nobody knows yet which they are: none of them is in the store.
+    pub fn foresee(&self, experiment: &str, runs: usize) -> Outlook {
+        Outlook { wanted: runs, missing: runs, seconds: self.seconds_of_all(experiment) }
+    }
+
     /// Processor time of a run [s], if the store knows it.
     fn seconds(&self, key: &Digest) -> Option<f64> {
         self.provenance.rows_of(key)?.first().map(cost)

@@ -298,9 +298,17 @@ fn the_full_study_plans() {
         ("studies/fransen2022.toml", include_str!("../../studies/fransen2022.toml")),
         ("artifacts/measured/fransen2022.csv", include_str!("../../artifacts/measured/fransen2022.csv")),
     ]);
-    study.succeed(&["--study", "studies/fransen2022.toml", "repro", "sample"]);
     let ended = study.succeed(&["--study", "studies/fransen2022.toml", "plan", "--json"]);
     let plan: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
-    let simulate = plan.as_array().expect("rows").iter().find(|row| row["stage"] == "simulate").expect("simulate");
-    assert_eq!(simulate["runs"].as_u64(), Some((27 + 100 + 32) * 50 * 3));
+    let runs = |stage: &str| {
+        let row = plan.as_array().expect("rows").iter().find(|row| row["stage"] == stage).expect("the stage");
+        assert!(row["cpu_hours"].as_f64().is_some_and(|hours| hours > 0.0), "{row}");
+        (row["runs"].as_u64().expect("a number"), row["at_most"].as_bool().expect("a flag"))
+    };
+    // Nothing was ever simulated, not even the design is drawn.
+    assert_eq!(runs("simulate"), ((27 + 100 + 32) * 50 * 3, false));
+    let verified: u64 = (1..=10).chain([15, 20, 30, 40, 50]).sum();
+    let methods = 3 * 2;
+    assert_eq!(runs("verify"), (methods * verified * 3, true));
+    assert_eq!(runs("validate"), (methods * 15 * 5, true));
 }
