@@ -22,7 +22,7 @@ use crate::dem;
 use crate::effects::EffectError;
 use crate::experiments::SetupError;
 use crate::settings::{Settings, SettingsError};
-use crate::store::{Ledger, Store, StoreError};
+use crate::store::{Ledger, Store, StoreError, Warning};
 use crate::tables::TableError;
 use crate::tables::list::{ProvenanceRow, RunRow};
 use rayon::prelude::*;
@@ -233,6 +233,11 @@ impl Campaign {
         let lost = |row: &&RunRow| row.status == OK && row.run_key.parse().is_ok_and(|key| !self.runs.contains(&key));
         let records: BTreeMap<&String, &RunRow> = rows.iter().filter(lost).map(|row| (&row.run_key, row)).collect();
         Ok(self.runs.append(&records.into_values().map(RunRecord::of_row).collect::<Vec<_>>())?)
+    }
+
+    /// What was found damaged or of an earlier version when the ledgers were opened.
+    pub fn warnings(&self) -> Vec<Warning> {
+        [self.runs.warnings(), self.kpis.warnings(), self.provenance.warnings()].concat()
     }
 
     /// Merges what has been published since the last time into few files.
