@@ -134,7 +134,13 @@ fn table_8(rows: &[&VerificationRow], published: bool) -> Vec<Block> {
         let triples = kpis.iter().flat_map(|kpi| triple(rows, &methods, kpi, &part, published));
         Block::Table(Table::new(caption, &headings).with_rows(triples))
     };
-    halves.into_iter().map(table).collect()
+    let target = |kpi: &&str| {
+        let row = rows.iter().find(|row| row.kpi == **kpi)?;
+        Some(format!("{} {}", words::label(kpi), words::with_unit(&spread(row.target_mean, row.target_sd), &row.unit)))
+    };
+    let targets: Vec<String> = kpis.iter().filter_map(target).collect();
+    let said = text(format!("Targets, mean ± standard deviation: {}.", targets.join(", ")));
+    [Block::Paragraph(said)].into_iter().chain(halves.into_iter().map(table)).collect()
 }
 
 /// One half of Table 8: the cell of a row of this study, the paper's, their difference, and the size of an error.
@@ -174,11 +180,8 @@ fn triple(
         rows.iter().copied().find(|row| row.kpi == kpi && row.kind == *kind && row.approach == *approach)
     };
     let found: Vec<Option<&VerificationRow>> = methods.iter().map(find).collect();
-    let target = found.iter().flatten().next().map_or(String::new(), |row| {
-        format!("target {}", words::with_unit(&spread(row.target_mean, row.target_sd), &row.unit))
-    });
     let line = |from: String, cells: Vec<Cell>| -> Vec<Cell> {
-        [cell(words::title(kpi)).with_note(&target), cell(from)].into_iter().chain(cells).collect()
+        [cell(words::title(kpi)), cell(from)].into_iter().chain(cells).collect()
     };
     let n = found.iter().flatten().map(|row| row.n).max().unwrap_or_default();
     let least = found.iter().flatten().filter_map(|row| (part.size)(row)).min_by(f64::total_cmp);
