@@ -22,7 +22,7 @@ use crate::dem;
 use crate::effects::EffectError;
 use crate::experiments::SetupError;
 use crate::settings::{Settings, SettingsError};
-use crate::store::{Ledger, Store, StoreError};
+use crate::store::{Ledger, Store, StoreError, Warning};
 use crate::tables::TableError;
 use crate::tables::list::{ProvenanceRow, RunRow};
 use rayon::prelude::*;
@@ -201,6 +201,11 @@ impl Campaign {
         Ok(outlook)
     }
 
+    /// What so many runs of an experiment cost where nobody knows yet which they are: none of them is in the store.
+    pub fn foresee(&self, experiment: &str, runs: usize) -> Outlook {
+        Outlook { wanted: runs, missing: runs, seconds: self.seconds_of_all(experiment) }
+    }
+
     /// Processor time of a run [s], if the store knows it.
     fn seconds(&self, key: &Digest) -> Option<f64> {
         self.provenance.rows_of(key)?.first().map(cost)
@@ -228,6 +233,11 @@ impl Campaign {
         let lost = |row: &&RunRow| row.status == OK && row.run_key.parse().is_ok_and(|key| !self.runs.contains(&key));
         let records: BTreeMap<&String, &RunRow> = rows.iter().filter(lost).map(|row| (&row.run_key, row)).collect();
         Ok(self.runs.append(&records.into_values().map(RunRecord::of_row).collect::<Vec<_>>())?)
+    }
+
+    /// What was found damaged or of an earlier version when the ledgers were opened.
+    pub fn warnings(&self) -> Vec<Warning> {
+        [self.runs.warnings(), self.kpis.warnings(), self.provenance.warnings()].concat()
     }
 
     /// Merges what has been published since the last time into few files.

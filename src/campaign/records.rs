@@ -1,7 +1,7 @@
 //! What the store keeps of every run: its record, its observables, its cost, and the layout of its final state.
 
 use crate::canonical::Digest;
-use crate::dem::{Failure, Outcome, State, Stop, TracePoint};
+use crate::dem::{Failure, Outcome, State, TracePoint};
 use crate::table;
 use crate::tables::columns::{Column, ColumnFile};
 use crate::tables::{RunRow, TableError};
@@ -74,7 +74,7 @@ impl RunRecord {
             run_key: key.to_string(),
             status: OK.to_owned(),
             reason: None,
-            stop: Some(stop_code(outcome.stop).to_owned()),
+            stop: Some(outcome.stop.name().to_owned()),
             time_s: Some(outcome.time),
             steps: Some(outcome.steps),
             inserted: u32::try_from(outcome.inserted).ok(),
@@ -146,14 +146,6 @@ impl RunRecord {
             None if given_up => None,
             None => Some(self),
         }
-    }
-}
-
-const fn stop_code(stop: Stop) -> &'static str {
-    match stop {
-        Stop::EnergyRatio => "energy_ratio",
-        Stop::Empty => "empty",
-        Stop::TimeCap => "time_cap",
     }
 }
 

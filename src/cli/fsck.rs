@@ -2,6 +2,7 @@
 
 use super::{CliError, Outcome};
 use crate::pipeline::{Study, integrity};
+use crate::store::Warning;
 use crate::store::fsck::Depth;
 use clap::Args;
 use std::io::Write;
@@ -24,8 +25,14 @@ pub struct Arguments {
 pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     let study = Study::load(path)?;
     let depth = if arguments.full { Depth::Full } else { Depth::Fast };
+    let warnings = integrity::warnings(&study)?;
     let report = integrity::fsck(&study, depth)?;
     let mut out = std::io::stdout().lock();
+    // What is missing or damaged is among the findings; the rest is told by nobody else.
+    let found = |warning: &&Warning| report.findings.iter().any(|finding| finding.path == warning.path);
+    for warning in warnings.iter().filter(|warning| !found(warning)) {
+        writeln!(out, "{warning}")?;
+    }
     for finding in &report.findings {
         writeln!(out, "{finding}")?;
     }

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 /// Kept is what the study's lock, the locks given with --lock, the pins in artifacts/pins/ and the ledgers refer to.
 /// With --unrooted the ledgers do not count: results of earlier settings, and of other studies in the same store whose
 /// lock is neither given nor pinned, can go too. They are computed again when they are asked for.
+/// Refused while a ledger has lost rows: `fsck` first finds out what is still needed.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -3,11 +3,11 @@
 use super::output::aligned;
 use super::repro::stage;
 use super::{CliError, Outcome};
-use crate::campaign::{Campaign, Options};
+use crate::campaign::{Options, Outlook};
 use crate::config::points::EXTRA;
 use crate::pipeline::plan::{State, Step, assess, selection};
 use crate::pipeline::{PipelineError, Study};
-use crate::stages::{self, Stage, find};
+use crate::stages::{self, Context, Stage, find};
 use crate::units::canonical;
 use clap::Args;
 use serde_json::{Value, json};
@@ -31,7 +31,8 @@ of the design (Binois et al. 2019). The rows go to stdout as CSV, those chosen b
 
 Costs come from the simulations timed so far: those of this plan, else all of the same experiment in this store; before
 the first one, a minute each is assumed and said.
-Of diagnose the anchors of all effects are counted; its runs at optima are known only when those are.")]
+How many runs verify and validate need at most is known before their places are; of diagnose the anchors of all effects
+are counted, its runs at optima only when those are known.")]
 pub struct Arguments {
     /// Last stage; all stages when left out.
     stage: Option<String>,
@@ -80,7 +81,10 @@ pub fn print(study: &Study, target: Option<&'static Stage>, as_json: bool) -> Re
     let wanted: Vec<&str> = selection(target).iter().map(|stage| stage.name).collect();
     let steps: Vec<Step> =
         assess(study, &study.lock()?).into_iter().filter(|step| wanted.contains(&step.stage)).collect();
-    let rows = steps.iter().map(|step| row(study, &campaign, step)).collect::<Result<Vec<_>, _>>()?;
+    let unsettled = steps.iter().filter(|step| step.state != State::Fresh).filter_map(|step| find(step.stage));
+    let outdated = unsettled.flat_map(|stage| stage.writes.iter().map(|spec| spec.name));
+    let context = study.context(&campaign).without(outdated.collect());
+    let rows = steps.iter().map(|step| row(&context, step)).collect::<Result<Vec<_>, _>>()?;
     let mut out = std::io::stdout().lock();
     if as_json {
         writeln!(out, "{}", Value::Array(rows.iter().map(Row::json).collect()))?;
@@ -89,7 +93,14 @@ pub fn print(study: &Study, target: Option<&'static Stage>, as_json: bool) -> Re
     let names = ["stage", "state", "runs", "new", "CPU-h", "why"].map(str::to_owned);
     let cells: Vec<Vec<Value>> = rows.iter().map(Row::cells).collect();
     writeln!(out, "{}", aligned(&names, &cells))?;
-    if rows.iter().any(|row| row.guessed) {
+    let any = |test: fn(&Runs) -> bool| rows.iter().filter_map(|row| row.runs.as_ref()).any(test);
+    if any(|runs| runs.at_most) {
+        writeln!(
+            out,
+            "<= marks runs at optima that are not known yet: every calibration that succeeds needs its share"
+        )?;
+    }
+    if any(|runs| runs.guessed) {
         writeln!(
             out,
             "CPU-h marked ~ assume {GUESS_SECONDS} s a run where none of that experiment has been timed yet"
@@ -101,42 +112,68 @@ pub fn print(study: &Study, target: Option<&'static Stage>, as_json: bool) -> Re
 struct Row {
     stage: &'static str,
     state: State,
-    /// Runs wanted, runs missing, CPU-hours of the missing ones; unknown while an earlier stage has to run.
-    runs: Option<(usize, usize, f64)>,
-    guessed: bool,
+    runs: Option<Runs>,
 }
 
-fn row(study: &Study, campaign: &Campaign, step: &Step) -> Result<Row, CliError> {
+/// Simulations of a stage.
+#[derive(Clone, Copy)]
+struct Runs {
+    wanted: usize,
+    missing: usize,
+    /// Of the missing ones.
+    cpu_hours: f64,
+    /// No run of an experiment has been timed yet.
+    guessed: bool,
+    /// Where they will be is not known yet: some may be in the store already, some may not be needed.
+    at_most: bool,
+}
+
+fn row(context: &Context, step: &Step) -> Result<Row, CliError> {
     let Some(stage) = find(step.stage) else { return Err(format!("no stage is called {}", step.stage).into()) };
     let failed = |source| PipelineError::Stage { stage: stage.name, source };
-    let mut row = Row { stage: step.stage, state: step.state.clone(), runs: None, guessed: false };
-    if let Some(requests) = (stage.simulations)(&study.context(campaign)).map_err(failed)? {
-        let (mut wanted, mut missing, mut hours) = (0, 0, 0.0);
-        for outlook in campaign.outlook(&requests)?.into_values() {
-            row.guessed |= outlook.seconds.is_none() && outlook.missing > 0;
-            wanted += outlook.wanted;
-            missing += outlook.missing;
-            hours += outlook.missing as f64 * outlook.seconds.unwrap_or(GUESS_SECONDS) / 3600.0;
+    let runs = match (stage.simulations)(context).map_err(failed)? {
+        Some(requests) => Some(Runs::of(context.campaign.outlook(&requests)?.into_values(), false)),
+        None => stages::foreseen(stage, context).map(|counts| {
+            let outlook = |(experiment, runs)| context.campaign.foresee(experiment, runs);
+            Runs::of(counts.into_iter().map(outlook), true)
+        }),
+    };
+    Ok(Row { stage: step.stage, state: step.state.clone(), runs })
+}
+
+impl Runs {
+    fn of(experiments: impl Iterator<Item = Outlook>, at_most: bool) -> Self {
+        let mut runs = Self { wanted: 0, missing: 0, cpu_hours: 0.0, guessed: false, at_most };
+        for outlook in experiments {
+            runs.guessed |= outlook.seconds.is_none() && outlook.missing > 0;
+            runs.wanted += outlook.wanted;
+            runs.missing += outlook.missing;
+            runs.cpu_hours += outlook.missing as f64 * outlook.seconds.unwrap_or(GUESS_SECONDS) / 3600.0;
         }
-        row.runs = Some((wanted, missing, hours));
+        runs
     }
-    Ok(row)
+
+    /// Wanted, missing and CPU-hours; nothing of a stage that never simulates.
+    fn texts(&self) -> [String; 3] {
+        if self.wanted == 0 {
+            return Default::default();
+        }
+        let limit = if self.at_most { "<=" } else { "" };
+        let mark = if self.guessed { "~" } else { "" };
+        let hours = if self.missing == 0 { "0".to_owned() } else { format!("{limit}{mark}{:.2}", self.cpu_hours) };
+        [format!("{limit}{}", self.wanted), format!("{limit}{}", self.missing), hours]
+    }
 }
 
 impl Row {
     fn cells(&self) -> Vec<Value> {
-        let simulated = self.runs.filter(|(wanted, ..)| *wanted > 0);
-        let hours = |(_, missing, hours): (usize, usize, f64)| {
-            let mark = if self.guessed { "~" } else { "" };
-            if missing == 0 { "0".to_owned() } else { format!("{mark}{hours:.2}") }
-        };
-        let unknown = if self.runs.is_none() { Value::from("?") } else { Value::from("") };
+        let [wanted, missing, hours] = self.runs.map_or_else(|| ["?"; 3].map(str::to_owned), |runs| runs.texts());
         vec![
             self.stage.into(),
             self.state.word().into(),
-            simulated.map_or(unknown.clone(), |(wanted, ..)| wanted.to_string().into()),
-            simulated.map_or(unknown.clone(), |(_, missing, _)| missing.to_string().into()),
-            simulated.map_or(unknown, |runs| hours(runs).into()),
+            wanted.into(),
+            missing.into(),
+            hours.into(),
             self.state.detail().into(),
         ]
     }
@@ -146,10 +183,11 @@ impl Row {
             "stage": self.stage,
             "state": self.state.word(),
             "why": self.state.detail(),
-            "runs": self.runs.map(|(wanted, ..)| wanted),
-            "new_runs": self.runs.map(|(_, missing, _)| missing),
-            "cpu_hours": self.runs.map(|(.., hours)| hours),
-            "cpu_hours_guessed": self.guessed,
+            "runs": self.runs.map(|runs| runs.wanted),
+            "new_runs": self.runs.map(|runs| runs.missing),
+            "at_most": self.runs.is_some_and(|runs| runs.at_most),
+            "cpu_hours": self.runs.map(|runs| runs.cpu_hours),
+            "cpu_hours_guessed": self.runs.is_some_and(|runs| runs.guessed),
         })
     }
 }

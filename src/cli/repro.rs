@@ -70,20 +70,22 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     let request = Request { target, force: arguments.force, options };
     let mut done = Vec::new();
     let mut clock = Instant::now();
-    repro(&study, &request, |stage, action| {
+    let warnings = repro(&study, &request, |stage, action| {
         let seconds = clock.elapsed().as_secs_f64();
         clock = Instant::now();
         eprintln!("{stage:<11} {:<9} {seconds:7.1} s", action.word());
         done.push(json!({"stage": stage, "action": action.word()}));
     })?;
-    finish(&study, target, arguments.json, &done)
+    let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+    warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    finish(&study, target, arguments.json, (&done, &warnings))
 }
 
 fn finish(
     study: &Study,
     target: Option<&'static Stage>,
     json: bool,
-    done: &[serde_json::Value],
+    (done, warnings): (&[serde_json::Value], &[String]),
 ) -> Result<Outcome, CliError> {
     let root = study.store().root();
     let (runs, failed) = run_counts(root)?;
@@ -94,7 +96,11 @@ fn finish(
             .filter(|step| step.state != plan::State::Fresh)
             .map(|step| step.stage)
             .collect();
-        writeln!(out, "{}", json!({"stages": done, "stale": stale, "runs": runs, "failed_runs": failed}))?;
+        writeln!(
+            out,
+            "{}",
+            json!({"stages": done, "stale": stale, "runs": runs, "failed_runs": failed, "warnings": warnings})
+        )?;
     } else if let Some(target) = target {
         writeln!(out, "{} is up to date; {runs} runs, {failed} of them failed", target.name)?;
     } else {

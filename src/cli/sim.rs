@@ -91,7 +91,7 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         "particles": outcome.state.len(),
         "steps": outcome.steps,
         "time_s": outcome.time,
-        "stop": format!("{:?}", outcome.stop),
+        "stop": outcome.stop.name(),
         "energy_ratio": outcome.energies.ratio(),
         "coordination_number": outcome.coordination_number,
         "max_overlap": outcome.max_overlap,

@@ -2,14 +2,14 @@
 
 use super::output::aligned;
 use super::{CliError, Outcome};
-use crate::pipeline::Study;
 use crate::pipeline::plan::{State, assess};
+use crate::pipeline::{Study, integrity};
 use clap::Args;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 
-/// Say which stages are up to date. Exit code 3 when one is not.
+/// Say which stages are up to date, and what the store has lost or set aside. Exit code 3 when a stage is not up to date.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -40,6 +40,9 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
             vec![step.stage.into(), step.state.word().into(), rows(step.stage).into(), step.state.detail().into()]
         });
         writeln!(out, "{}", aligned(&names, &cells.collect::<Vec<_>>()))?;
+    }
+    for warning in integrity::warnings(&study)? {
+        eprintln!("warning: {warning}");
     }
     Ok(if steps.iter().all(|step| step.state == State::Fresh) { Outcome::Done } else { Outcome::Findings })
 }

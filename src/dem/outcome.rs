@@ -50,6 +50,17 @@ pub enum Stop {
     TimeCap,
 }
 
+impl Stop {
+    /// The word for it, in tables and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::EnergyRatio => "energy_ratio",
+            Self::Empty => "empty",
+            Self::TimeCap => "time_cap",
+        }
+    }
+}
+
 /// Energies of all grains and contacts [J].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Energies {

@@ -4,12 +4,14 @@
 
 use super::run::OutputRecord;
 use super::study::{PipelineError, Study};
-use crate::campaign::{Options, RunRecord};
+use crate::campaign::{KpiRecord, Options, PROVENANCE, RunRecord};
 use crate::canonical::Digest;
 use crate::store::fsck::{Depth, Report, examine};
-use crate::store::{Lock, Output, PINS, Store, StoreError};
+use crate::store::ledger::survey;
+use crate::store::{Lock, Output, PINS, QUARANTINE, Store, StoreError, Warning};
 use crate::tables::io::from_parquet_bytes_as;
-use crate::tables::{Row, RunRow, TABLES};
+use crate::tables::list::ProvenanceRow;
+use crate::tables::{Row, RunRow, TABLES, TableSpec};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
@@ -20,6 +22,35 @@ pub enum Keep {
     Remembered,
     /// What a root needs, and nothing else.
     Rooted,
+}
+
+/// Kind and rows of every ledger.
+const LEDGERS: [(&str, &TableSpec); 4] = [
+    ("runs", RunRecord::SPEC),
+    ("kpis", KpiRecord::SPEC),
+    ("stages", OutputRecord::SPEC),
+    (PROVENANCE, ProvenanceRow::SPEC),
+];
+
+/// What a user should know of the store before trusting that all is there: files of ledgers whose rows count as missing,
+/// and what has been set aside. Reads names, sizes and footers only.
+///
+/// # Errors
+/// A store that cannot be read.
+pub fn warnings(study: &Study) -> Result<Vec<Warning>, PipelineError> {
+    let store = study.store();
+    let mut warnings = Vec::new();
+    for (kind, spec) in LEDGERS {
+        warnings.extend(survey(store, kind, spec)?);
+    }
+    let aside = store.quarantined()?.len();
+    if aside > 0 {
+        let what = format!(
+            "{aside} damaged or outdated files were set aside here; `granulake gc` lists them, --delete removes them"
+        );
+        warnings.push(Warning { path: store.root().join(QUARANTINE), what });
+    }
+    Ok(warnings)
 }
 
 /// Checks everything that the roots need and all that is there besides. Damaged files are set aside, and what they held
@@ -69,7 +100,8 @@ fn forget_what_is_gone(study: &Study) -> Result<(), PipelineError> {
 ///
 /// # Errors
 /// A lock that is named but not there, or a store that cannot be read; with [`Keep::Rooted`] also a study without a
-/// lock, and a root whose tables are not whole, because then nobody can tell what it needs.
+/// lock, and a root whose tables are not whole, with [`Keep::Remembered`] a ledger that lost rows, because then nobody can
+/// tell what is needed.
 pub fn live(study: &Study, locks: &[PathBuf], keep: Keep) -> Result<BTreeSet<Digest>, PipelineError> {
     let mut live = BTreeSet::new();
     if keep == Keep::Rooted && study.lock()?.stages.is_empty() {
@@ -77,17 +109,24 @@ pub fn live(study: &Study, locks: &[PathBuf], keep: Keep) -> Result<BTreeSet<Dig
     }
     for root in roots(study, locks)? {
         live.extend(root.outputs().map(|(_, _, output)| output.digest));
-        if keep == Keep::Rooted {
-            for stage in root.stages.values() {
-                live.extend(states(study.store(), &stage.outputs)?);
+        for stage in root.stages.values() {
+            match (states(study.store(), &stage.outputs), keep) {
+                (Err(error), Keep::Rooted) => return Err(error.into()),
+                (found, _) => live.extend(found.unwrap_or_default()),
             }
         }
     }
     if keep == Keep::Remembered {
-        for run in study.store().ledger::<RunRecord>("runs")?.rows() {
+        let runs = study.store().ledger::<RunRecord>("runs")?;
+        let outputs = study.store().ledger::<OutputRecord>("stages")?;
+        // What a ledger lost may still be wanted: fsck takes back what stands in tables, and says what is gone.
+        if let Some(warning) = runs.warnings().into_iter().chain(outputs.warnings()).next() {
+            return Err(PipelineError::Forgetful { warning });
+        }
+        for run in runs.rows() {
             live.extend(objects_of(run.state, run.trace));
         }
-        for output in study.store().ledger::<OutputRecord>("stages")?.rows() {
+        for output in outputs.rows() {
             live.extend(output.digest.parse::<Digest>());
         }
     }

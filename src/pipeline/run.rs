@@ -6,7 +6,7 @@ use super::study::{PipelineError, Study};
 use crate::campaign::{Campaign, FAILED, Options, Stopwatch};
 use crate::canonical::{Digest, Encoder, digest};
 use crate::stages::Stage;
-use crate::store::{Ledger, Lock, Output, StageLock, table};
+use crate::store::{Ledger, Lock, Output, StageLock, Warning, table};
 use crate::tables::io::rows_in_file;
 use crate::tables::{Row, RunRow};
 use std::collections::BTreeMap;
@@ -59,7 +59,8 @@ pub struct Request {
 }
 
 /// Brings the stages up to date one by one; `report` hears of each. What is done is locked at once, so that a later
-/// failure or a kill loses nothing.
+/// failure or a kill loses nothing. Gives what the store was found to have lost; a store that nothing was asked of is not
+/// looked into.
 ///
 /// # Errors
 /// The first stage that fails, or a store that cannot be written.
@@ -67,7 +68,7 @@ pub fn repro(
     study: &Study,
     request: &Request,
     mut report: impl FnMut(&'static str, Action),
-) -> Result<(), PipelineError> {
+) -> Result<Vec<Warning>, PipelineError> {
     let mut lock = study.lock()?;
     let mut driver: Option<Driver> = None;
     for stage in selection(request.target) {
@@ -87,7 +88,7 @@ pub fn repro(
     }
     match driver {
         Some(driver) => driver.finish(),
-        None => Ok(()),
+        None => Ok(Vec::new()),
     }
 }
 
@@ -117,9 +118,11 @@ impl<'a> Driver<'a> {
         Ok(Self { study, campaign, outputs, retry_failed: options.retry_failed })
     }
 
-    fn finish(self) -> Result<(), PipelineError> {
+    fn finish(self) -> Result<Vec<Warning>, PipelineError> {
+        let warnings = [self.campaign.warnings(), self.outputs.warnings()].concat();
         self.outputs.compact()?;
-        Ok(self.campaign.compact()?)
+        self.campaign.compact()?;
+        Ok(warnings)
     }
 
     /// Puts the outputs of `stage` in place and into the lock.

@@ -4,7 +4,7 @@ use crate::campaign::{Campaign, CampaignError, Options};
 use crate::canonical::Digest;
 use crate::config::{Config, ConfigError, Measured};
 use crate::stages::{Context, StageError};
-use crate::store::{Lock, Store, StoreError, TABLES};
+use crate::store::{Lock, Store, StoreError, TABLES, Warning};
 use std::path::{Path, PathBuf};
 
 /// Why the driver cannot go on.
@@ -32,6 +32,14 @@ pub enum PipelineError {
     NoLock {
         /// Where it should be.
         path: PathBuf,
+    },
+    /// A ledger has lost rows, so that not all it referred to is known.
+    #[error(
+        "a ledger has lost rows, so nobody can tell what is still needed ({warning}); run `granulake fsck`, then this again"
+    )]
+    Forgetful {
+        /// What was lost.
+        warning: Warning,
     },
     /// A pin with this name cannot be a file.
     #[error("`{name}` cannot name a pin; use letters, digits, `_`, `-` and `.`")]

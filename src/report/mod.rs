@@ -192,6 +192,34 @@ impl Report {
         all.map(String::as_str).collect::<BTreeSet<_>>().into_iter().collect()
     }
 
+    /// What a measured observable is there for.
+    fn purpose(row: &TargetRow) -> &'static str {
+        match (row.fitted, words::is_kpi(&row.kpi)) {
+            (true, true) => "fitted",
+            (true, false) => "diagnosis only",
+            (false, _) => "held out",
+        }
+    }
+
+    /// What the diagnosis made of a statistic: `held out` is only what belongs to the experiment that no fit sees.
+    fn role(&self, row: &BeforeAfterRow) -> &'static str {
+        let of_fitted_experiment =
+            |target: &TargetRow| target.measured == row.measured && target.kpi == row.kpi && target.fitted;
+        match row.fitted {
+            true => "fitted",
+            false if self.targets.iter().any(of_fitted_experiment) => "not used",
+            false => "held out",
+        }
+    }
+
+    /// The diagnosis' statistics of a data set: fitted ones, then unused ones, then held-out ones, the paper's KPIs first.
+    fn before_after_of(&self, measured: &str) -> Vec<&BeforeAfterRow> {
+        let mut rows: Vec<&BeforeAfterRow> = self.before_after.iter().filter(|row| row.measured == measured).collect();
+        let order = |role: &str| ["fitted", "not used", "held out"].iter().position(|known| *known == role);
+        rows.sort_by_key(|row| (order(self.role(row)), words::rank(&row.kpi), row.statistic.as_str()));
+        rows
+    }
+
     /// Are the results for this data set to be shown beside the paper's?
     fn is_published(&self, measured: &str) -> bool {
         self.study.published.as_deref() == Some(measured)

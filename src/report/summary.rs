@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::tables::{BeforeAfterRow, OptimumRow};
+use crate::tables::OptimumRow;
 
 use super::numbers::{MISSING, count, percent, plus_minus, significant, with_interval};
 use super::{Report, words};
@@ -105,7 +105,12 @@ fn calibrated(report: &Report, measured: &str, shown: &Shown) -> Vec<String> {
         .collect();
     optima.sort_by_key(|row| words::rank(&row.parameter));
     lines.extend(optima.into_iter().map(|row| {
-        let bound = if row.at_bound { " (on its bound)" } else { "" };
+        let outside = row.lower.zip(row.upper).is_some_and(|(lower, upper)| !(lower..=upper).contains(&row.value));
+        let bound = match (row.at_bound, outside) {
+            (true, _) => " (on its bound)",
+            (false, true) => " (outside its interval, see the report)",
+            (false, false) => "",
+        };
         format!("{:NAME$} {:<20} {}{bound}", "", words::label(&row.parameter), words::with_unit(&value(row), &row.unit))
     }));
     lines.extend(wrapped("verification", &verification(report, measured, shown)));
@@ -164,19 +169,18 @@ fn verdict(report: &Report, measured: &str) -> Vec<String> {
 }
 
 fn before_after(report: &Report, measured: &str) -> Vec<String> {
-    let own = |row: &&BeforeAfterRow| row.measured == measured && row.statistic == "mean" && words::is_kpi(&row.kpi);
-    let mut rows: Vec<&BeforeAfterRow> = report.before_after.iter().filter(own).collect();
-    rows.sort_by_key(|row| (!row.fitted, words::rank(&row.kpi)));
-    let mut lines: Vec<String> = strengths(report, measured);
+    let mut rows = report.before_after_of(measured);
+    rows.retain(|row| row.statistic == "mean" && words::is_kpi(&row.kpi));
+    let switched = rows.iter().any(|row| row.after.is_some());
+    let mut lines = strengths(report, measured);
+    if !switched && !rows.is_empty() {
+        lines.extend(wrapped("", "error of the model fitted to all statistics, no effect switched on:"));
+    }
     lines.extend(rows.into_iter().map(|row| {
-        let error = |value: Option<f64>| value.map_or(MISSING.to_string(), percent);
-        let (before, after) = (error(row.before_error_percent), error(row.after_error_percent));
-        format!(
-            "{:NAME$} {:<20} {before:>8} % → {after:>8} %  ({})",
-            "",
-            words::label(&row.kpi),
-            words::role(row.fitted)
-        )
+        let error = |value: Option<f64>| format!("{:>8} %", value.map_or(MISSING.to_string(), percent));
+        let after = if switched { format!(" → {}", error(row.after_error_percent)) } else { String::new() };
+        let (name, role) = (words::label(&row.kpi), report.role(row));
+        format!("{:NAME$} {name:<20} {}{after}  ({role})", "", error(row.before_error_percent))
     }));
     lines
 }
@@ -194,7 +198,7 @@ fn strengths(report: &Report, measured: &str) -> Vec<String> {
     if said.is_empty() {
         Vec::new()
     } else {
-        wrapped("added", &format!("{}; error before → after:", said.join(", ")))
+        wrapped("added", &format!("{}; error of the model fitted to all statistics, before → after:", said.join(", ")))
     }
 }
 

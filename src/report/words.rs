@@ -68,11 +68,6 @@ pub fn statistic(name: &str) -> String {
     label(name)
 }
 
-/// What a measured value was used for.
-pub fn role(fitted: bool) -> &'static str {
-    if fitted { "fitted" } else { "held out" }
-}
-
 /// The verdict code in a few words.
 pub fn verdict(code: &str) -> String {
     match code {

@@ -45,12 +45,20 @@ pub struct Context<'a> {
     /// Where runs are made and kept.
     pub campaign: &'a Campaign,
     artifacts: &'a Path,
+    /// Tables that are taken for unwritten.
+    outdated: Vec<&'static str>,
 }
 
 impl<'a> Context<'a> {
     /// A context over an artifacts directory.
     pub fn new(config: &'a Config, measured: &'a [Measured], campaign: &'a Campaign, artifacts: &'a Path) -> Self {
-        Self { config, measured, campaign, artifacts }
+        Self { config, measured, campaign, artifacts, outdated: Vec::new() }
+    }
+
+    /// The same context, in which these tables, which other settings gave, have not been written.
+    #[must_use]
+    pub fn without(self, outdated: Vec<&'static str>) -> Self {
+        Self { outdated, ..self }
     }
 
     /// Rows of the table of `R`.
@@ -71,7 +79,7 @@ impl<'a> Context<'a> {
 
     /// Whether table `spec` has been written.
     pub fn has(&self, spec: &TableSpec) -> bool {
-        self.artifacts.join(table::index(spec)).is_file()
+        !self.outdated.contains(&spec.name) && self.artifacts.join(table::index(spec)).is_file()
     }
 
     /// A seed for random choices of one purpose, from the study's seed.

@@ -31,7 +31,7 @@ fn settings(config: &Config) -> SettingsText {
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {
-    let requests = design::requests(context, &context.read::<SampleRow>()?)?;
+    let requests = design::requests(context, &context.read::<SampleRow>()?, &context.read::<ReplicationRow>()?)?;
     let mut by_key = context.read::<RunRow>()?;
     let order = |row: &RunRow| (row.experiment.clone(), row.point, row.repetition);
     by_key.sort_by_key(order);

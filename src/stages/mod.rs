@@ -36,6 +36,9 @@ use std::collections::BTreeMap;
 /// Settings of a stage as text, by name: what can make it stale, and what `why` compares.
 pub type SettingsText = BTreeMap<String, String>;
 
+/// Numbers of runs, by experiment.
+pub type RunCounts = BTreeMap<&'static str, usize>;
+
 /// Description of a stage.
 pub struct Stage {
     /// Name on the command line.
@@ -75,6 +78,15 @@ pub const STAGES: &[&Stage] = &[
     &diagnose::STAGE,
     &report::STAGE,
 ];
+
+/// The most runs that a stage can ask for while its [`Stage::simulations`] are unknown; `None` where nobody can tell.
+pub fn foreseen(stage: &Stage, context: &Context) -> Option<RunCounts> {
+    match stage.name {
+        name if name == verify::STAGE.name => Some(verify::foreseen(context)),
+        name if name == validate::STAGE.name => Some(validate::foreseen(context)),
+        _ => None,
+    }
+}
 
 /// For stages that simulate nothing.
 fn no_simulations(_: &Context) -> Result<Option<Vec<Request>>, StageError> {

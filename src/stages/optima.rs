@@ -1,6 +1,6 @@
 //! Runs at the optima: which calibrations are simulated, as which points, under which label.
 
-use super::{Context, StageError};
+use super::{Context, RunCounts, StageError};
 use crate::campaign::{Point, Request};
 use crate::experiments::Experiment;
 use crate::stats::summary::{Summary, summarise};
@@ -63,6 +63,19 @@ pub fn requests(
         }
     }
     Ok(requests)
+}
+
+/// How many runs of `experiments` there are at the optima before any is known, by experiment: every data set, kind and
+/// approach for every n of `verify.counts`. A calibration that fails has no optimum, so these are the most.
+pub fn foreseen(
+    context: &Context,
+    experiments: &[&'static dyn Experiment],
+    repetitions: impl Fn(u32) -> u32,
+) -> RunCounts {
+    let config = context.config;
+    let methods = context.measured.len() * config.metamodel.kinds.len() * config.calibrate.approaches.len();
+    let runs: u64 = config.verify.counts.iter().map(|n| u64::from(repetitions(*n))).sum();
+    experiments.iter().map(|experiment| (experiment.name(), methods * runs as usize)).collect()
 }
 
 /// Values of every observable by label and observable, and why values are missing.

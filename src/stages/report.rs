@@ -27,7 +27,7 @@ pub const SUMMARY: &str = "report/summary.txt";
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "report",
-    version: 4,
+    version: 5,
     purpose: "one HTML file and one Markdown file",
     reads: &[
         SampleRow::SPEC,

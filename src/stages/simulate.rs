@@ -36,15 +36,18 @@ fn settings(config: &Config) -> SettingsText {
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {
-    let requests = design::requests(context, &context.read::<SampleRow>()?)?;
+    let requests = design::requests(context, &context.read::<SampleRow>()?, &context.read::<ReplicationRow>()?)?;
     let mut outputs = Outputs::default();
     outputs.table(context.campaign.simulate(&requests)?)?;
     Ok(outputs)
 }
 
+/// The design need not have been written: drawing it again gives the same points.
 fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
-    if !context.has(SampleRow::SPEC) || !context.has(ReplicationRow::SPEC) {
-        return Ok(None);
-    }
-    design::requests(context, &context.read::<SampleRow>()?).map(Some)
+    let written = context.has(SampleRow::SPEC) && context.has(ReplicationRow::SPEC);
+    let (samples, replications) = match written {
+        true => (context.read()?, context.read()?),
+        false => design::draw(context).map(|design| (design.samples, design.replications))?,
+    };
+    design::requests(context, &samples, &replications).map(Some)
 }

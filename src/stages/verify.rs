@@ -2,7 +2,7 @@
 
 use super::context::{run_settings, text};
 use super::optima::{self, Name, Results, finite, percent};
-use super::{Context, Outputs, SettingsText, Stage, StageError};
+use super::{Context, Outputs, RunCounts, SettingsText, Stage, StageError};
 use crate::campaign::Request;
 use crate::config::Config;
 use crate::tables::Row;
@@ -36,6 +36,11 @@ fn requests(context: &Context) -> Result<Vec<Request>, StageError> {
 
 fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
     if context.has(OptimumRow::SPEC) { requests(context).map(Some) } else { Ok(None) }
+}
+
+/// How many runs there are at most, before it is known where.
+pub fn foreseen(context: &Context) -> RunCounts {
+    optima::foreseen(context, &context.config.experiments(), |n| n)
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {

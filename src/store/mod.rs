@@ -211,6 +211,14 @@ impl Store {
         Ok(target)
     }
 
+    /// Files that were set aside, by name.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`].
+    pub fn quarantined(&self) -> Result<Vec<PathBuf>, StoreError> {
+        atomic::list(&self.root.join(QUARANTINE))
+    }
+
     /// A free name in `quarantine/` for the file at `path`.
     fn free_quarantine_path(&self, path: &Path) -> PathBuf {
         let relative = path.strip_prefix(&self.root).unwrap_or(path).to_string_lossy().replace(['/', '\\'], "_");

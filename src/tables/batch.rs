@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Schema metadata key of the table's name.
 const TABLE: &str = "table";
 /// Schema metadata key of the schema's version.
-const VERSION: &str = "schema_version";
+pub(super) const VERSION: &str = "schema_version";
 /// Field metadata key of the unit.
 const UNIT: &str = "unit";
 /// Field metadata key of the meaning.

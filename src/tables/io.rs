@@ -4,13 +4,13 @@
 //! (zstd, floats as BYTE_STREAM_SPLIT without a dictionary, a fixed `created_by`), and no time, host or path inside.
 //! Publishing the bytes under a name is the store's affair.
 
-use super::batch::{arrow_type, check_nulls, find, stamp, wrong_type};
+use super::batch::{VERSION, arrow_type, check_nulls, find, stamp, wrong_type};
 use super::{ColumnSpec, ColumnType, Fault, Row, TableError, TableSpec, conform};
 use arrow::array::{ArrayRef, AsArray, RecordBatch};
 use arrow::compute::{CastOptions, cast_with_options, concat_batches};
 use arrow::datatypes::{DataType, Schema};
 use bytes::Bytes;
-use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::errors::ParquetError;
@@ -151,6 +151,17 @@ pub fn rows_in_file(path: &Path) -> Result<u64, String> {
     let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
     let metadata = unpanicked(|| ParquetMetaDataReader::new().parse_and_finish(&file)).map_err(|e| e.to_string())?;
     Ok(u64::try_from(metadata.file_metadata().num_rows()).unwrap_or(0))
+}
+
+/// Reads only the footer: the version of the schema that a file was written with, if it says so.
+///
+/// # Errors
+/// What the operating system or the reader said.
+pub fn version_in_file(path: &Path) -> Result<Option<u32>, String> {
+    let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
+    let metadata =
+        unpanicked(|| ArrowReaderMetadata::load(&file, ArrowReaderOptions::new())).map_err(|e| e.to_string())?;
+    Ok(metadata.schema().metadata().get(VERSION).and_then(|version| version.parse().ok()))
 }
 
 /// Runs a reader of the parquet crate: some damaged files make it panic, which becomes an error as any other damage.

@@ -103,3 +103,58 @@ fn an_experiment_that_always_fails_stops_nothing() {
     assert!(study.table::<RunRow>().iter().all(|run| run.status == "failed"));
     assert!(study.path("artifacts/report/index.html").is_file());
 }
+
+mod earlier {
+    granulake::table! {
+        /// What a stage gave, as an earlier version kept it.
+        pub struct OutputRecord in "ledger_stages" version 1 keyed by stage_key sorted by (stage_key) {
+            /// Key of the stage.
+            stage_key: String [""],
+        }
+    }
+}
+
+/// What a store no longer counts is said by every command that looks at it, and nothing is deleted on such ground.
+#[test]
+fn rows_that_count_as_missing_are_told_to_the_user() {
+    let study = Study::quick();
+    let row = earlier::OutputRecord { stage_key: granulake::canonical::Digest::of_content(b"a stage").to_string() };
+    study.store().ledger::<earlier::OutputRecord>("stages").and_then(|l| l.append(&[row])).expect("an old ledger");
+    let said = "was written by an earlier version of this program";
+    assert!(study.run(&["status"]).err.contains(said));
+    assert!(study.run(&["fsck"]).out.contains(said));
+    let ended = study.succeed(&["repro", "--json"]);
+    assert!(ended.err.contains(&format!("{said}; its keys count as missing, it was moved to")), "{}", ended.err);
+    let done: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
+    assert_eq!(done["warnings"].as_array().map(Vec::len), Some(1), "{done}");
+    let status = study.run(&["status"]);
+    assert!(
+        status.code == Some(0) && status.err.contains("1 damaged or outdated files were set aside"),
+        "{}",
+        status.err
+    );
+    assert!(study.succeed(&["gc", "--delete"]).out.contains("damaged file: 1 files"));
+    assert_eq!(study.run(&["status"]).err, "");
+    assert_eq!(study.run(&["repro"]).err.matches("warning").count(), 0);
+}
+
+/// A ledger that lost rows no longer knows which states are needed: nothing goes until `fsck` has looked.
+#[test]
+fn nothing_is_deleted_while_a_ledger_has_lost_rows() {
+    let study = Study::quick();
+    study.succeed(&["repro"]);
+    let (outputs, runs) = (study.outputs(), study.runs());
+    let folder = study.path("artifacts/ledger/runs");
+    let files = || std::fs::read_dir(&folder).expect("a folder").map(|entry| entry.expect("an entry").path());
+    let part = files().find(|path| path.extension().is_some_and(|end| end == "parquet")).expect("a part");
+    let bytes = std::fs::read(&part).expect("bytes");
+    std::fs::write(&part, &bytes[..bytes.len() / 2]).expect("half of it");
+    assert!(study.run(&["status"]).err.contains("is truncated or altered"));
+    let refused = study.run(&["gc", "--delete"]);
+    assert!(refused.code == Some(1) && refused.err.contains("granulake fsck"), "{}", refused.err);
+    assert_eq!(study.run(&["fsck"]).code, Some(3), "the damaged part is missing");
+    study.succeed(&["gc", "--delete"]);
+    study.succeed(&["repro"]);
+    study.assert_outputs(&outputs, "after the ledger was damaged");
+    assert_eq!(study.runs(), runs, "every run in a table was taken back or made again");
+}

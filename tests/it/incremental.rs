@@ -70,13 +70,29 @@ fn an_added_point_costs_one_point() {
     let study = finished();
     study.edit("pipeline.toml", "validation = 1", "validation = 1\nadded = 1");
     let runs = study.runs();
-    study.succeed(&["repro", "sample"]);
-    assert_eq!(planned(&study, "simulate"), (24, 4));
+    assert_eq!(planned(&study, "simulate"), (24, 4), "the design as it will be, not the one that was written");
     study.succeed(&["repro", "simulate"]);
     assert_eq!(study.runs() - runs, 4, "two repetitions in two experiments");
     study.edit("pipeline.toml", "added = 1", "added = 3");
     study.succeed(&["repro", "simulate"]);
     assert_eq!(study.runs() - runs, 12, "the first added point stays where it is");
+}
+
+/// Where the optima will be is not known before calibration, how many runs they take is.
+#[test]
+fn runs_at_the_optima_are_foreseen() {
+    let study = Study::quick();
+    let foreseen: Vec<_> = ["simulate", "verify", "validate"].map(|stage| planned(&study, stage)).to_vec();
+    // One metamodel and approach at n = 2: two runs in two fitted experiments, two held-out ones.
+    assert_eq!(foreseen, [(20, 20), (4, 4), (2, 2)]);
+    assert!(study.succeed(&["plan"]).out.contains("<=4"));
+    study.succeed(&["repro"]);
+    assert_eq!(
+        ["simulate", "verify", "validate"].map(|stage| planned(&study, stage)).to_vec(),
+        [(20, 0), (4, 0), (2, 0)]
+    );
+    study.edit("pipeline.toml", "[verify]", "[calibrate.weights]\nbulk_density = 0.25\n\n[verify]");
+    assert_eq!(planned(&study, "verify"), (4, 4), "the optimum of other weights is another one");
 }
 
 #[test]

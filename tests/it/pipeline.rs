@@ -196,7 +196,10 @@ fn a_single_simulation_prints_its_kpis() {
     assert_eq!(count("inserted"), count("deleted") + count("lost") + count("particles"));
     assert!(count("insertion_attempts") > count("inserted") && count("deleted") > 0, "{answer}");
     let limit = answer["energy_ratio"].as_f64().expect("a number");
-    assert!(answer["stop"] != "EnergyRatio" || limit < 1e-3, "{answer}");
+    // The words of the column `stop` of the table of runs.
+    let stop = answer["stop"].as_str().expect("a word");
+    assert!(["energy_ratio", "empty", "time_cap"].contains(&stop), "{answer}");
+    assert!(stop != "energy_ratio" || limit < 1e-3, "{answer}");
     let underfilled = study.run(&["sim", "bulk_density", "--set", "insertion_ratio=0.2"]);
     assert_eq!(underfilled.code, Some(1));
     assert!(
@@ -299,9 +302,17 @@ fn the_full_study_plans() {
         ("studies/fransen2022.toml", include_str!("../../studies/fransen2022.toml")),
         ("artifacts/measured/fransen2022.csv", include_str!("../../artifacts/measured/fransen2022.csv")),
     ]);
-    study.succeed(&["--study", "studies/fransen2022.toml", "repro", "sample"]);
     let ended = study.succeed(&["--study", "studies/fransen2022.toml", "plan", "--json"]);
     let plan: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
-    let simulate = plan.as_array().expect("rows").iter().find(|row| row["stage"] == "simulate").expect("simulate");
-    assert_eq!(simulate["runs"].as_u64(), Some((27 + 100 + 32) * 50 * 3));
+    let runs = |stage: &str| {
+        let row = plan.as_array().expect("rows").iter().find(|row| row["stage"] == stage).expect("the stage");
+        assert!(row["cpu_hours"].as_f64().is_some_and(|hours| hours > 0.0), "{row}");
+        (row["runs"].as_u64().expect("a number"), row["at_most"].as_bool().expect("a flag"))
+    };
+    // Nothing was ever simulated, not even the design is drawn.
+    assert_eq!(runs("simulate"), ((27 + 100 + 32) * 50 * 3, false));
+    let verified: u64 = (1..=10).chain([15, 20, 30, 40, 50]).sum();
+    let methods = 3 * 2;
+    assert_eq!(runs("verify"), (methods * verified * 3, true));
+    assert_eq!(runs("validate"), (methods * 15 * 5, true));
 }

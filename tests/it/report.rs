@@ -266,6 +266,94 @@ fn missing_values_are_dashes_with_their_reason() {
     }
 }
 
+/// A reason belongs to a failed row, not to each of its cells.
+#[test]
+fn a_reason_for_failure_is_said_once() {
+    let mut report = full();
+    let why = "five points are too few for this kind";
+    for row in report.metamodels.iter_mut().filter(|row| row.kind == "rbm" && row.n == 1) {
+        (row.status, row.reason) = ("failed".into(), Some(why.into()));
+        (row.lml, row.nrmse_train_mean, row.nrmse_validation_mean) = (None, None, None);
+    }
+    assert_eq!(markdown(&report).matches(why).count(), 1);
+    let of_calibration = "no metamodel stands behind it";
+    let row = &mut report.calibrations[0];
+    (row.status, row.reason) = ("failed".into(), Some(of_calibration.into()));
+    (row.objective, row.starts_at_optimum, row.flat_directions) = (None, None, None);
+    assert_eq!(markdown(&report).matches(of_calibration).count(), 1);
+}
+
+#[test]
+fn held_out_is_what_the_held_out_experiment_gives_and_nothing_else() {
+    let mut report = full();
+    let row = report.before_after.iter_mut().find(|row| row.kpi == "mass_on_shelf" && row.statistic == "mean");
+    row.expect("a row").fitted = false;
+    let text = markdown(&report);
+    let roles = |name: &str| {
+        let rows = text.lines().filter(|line| line.starts_with(&format!("| {name} ")) && line.contains("| mean "));
+        rows.map(|line| line.split('|').nth(3).expect("a role").trim().to_string()).collect::<Vec<_>>()
+    };
+    assert!(roles("Mass on shelf").contains(&"not used".to_string()), "{:?}", roles("Mass on shelf"));
+    assert!(roles("Discharge rate").contains(&"held out".to_string()));
+    assert!(!text.contains("Mass on shelf, mean (held out)"));
+    holds(&text, "diagnosis only");
+}
+
+/// The paper's Table 8: methods as columns, KPIs as rows, errors of means above those of mean ± sd.
+#[test]
+fn table_8_has_the_papers_layout_with_both_values_and_their_difference() {
+    let report = full();
+    let text = markdown(&report);
+    let mean = "Mean KPI % error: simulation against target, beside the paper's Table 8";
+    let spread = "Mean ± standard deviation KPI % error: simulation against target, beside the paper's Table 8";
+    let table = &text[text.find(mean).expect("means")..text.find(spread).expect("spreads")];
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().trim_matches('*').to_string()).collect::<Vec<_>>();
+    let rows: Vec<Vec<String>> = table.lines().filter(|line| line.starts_with('|')).map(cells).collect();
+    assert_eq!(rows[0][3..7], ["IBM-M", "IBM-MV", "RBM-M", "RBM-MV"]);
+    let wanted = |kpi: &str| {
+        report.verification.iter().find(|row| {
+            (row.measured.as_str(), row.kind.as_str(), row.approach.as_str(), row.n) == ("paper", "rbm", "m", 3)
+                && row.kpi == kpi
+        })
+    };
+    let ours = wanted("bulk_density").and_then(|row| row.target_error_percent).expect("an error");
+    let of_density: Vec<&Vec<String>> = rows.iter().filter(|row| row[1].starts_with("Bulk density")).collect();
+    let froms: Vec<&str> = of_density.iter().map(|row| row[2].as_str()).collect();
+    assert_eq!(froms, ["this study, n = 3", "paper, n = 50", "difference"]);
+    let column: Vec<&str> = of_density.iter().map(|row| row[5].as_str()).collect();
+    assert_eq!(column, [percent(&ours), "-0.04".to_string(), percent(&(ours + 0.04))]);
+    holds(&text[text.find(spread).expect("spreads")..], "-0.47 / +0.38");
+}
+
+/// A verification with the very runs that trained the metamodel is none, and the page says so.
+#[test]
+fn an_optimum_at_a_design_point_is_called_no_test() {
+    let mut report = full();
+    let said = "The optimum of SK-MV is a point of the design";
+    assert!(!markdown(&report).contains(said));
+    let run = report.runs.iter().find(|run| run.label == "design").expect("a run").clone();
+    let label = "demo/sk-mv/3".to_string();
+    let hopper = run.clone();
+    report.runs.push(granulake::tables::RunRow { label: label.clone(), ..run });
+    // The held-out runs at the same optimum are no part of the design.
+    let (experiment, run_key) = ("siphon".to_string(), "another".to_string());
+    report.runs.push(granulake::tables::RunRow { label, experiment, run_key, ..hopper });
+    holds(&markdown(&report), said);
+}
+
+#[test]
+fn without_an_effect_there_is_no_after() {
+    let mut report = full();
+    for row in &mut report.before_after {
+        (row.after, row.after_error_percent, row.after_lower_percent, row.after_upper_percent) =
+            (None, None, None, None);
+    }
+    report.recalibration.retain(|row| row.model == "before");
+    assert!(!summary(&report).contains('→'), "{}", summary(&report));
+    holds(&markdown(&report), "no effect was switched on");
+    assert!(!markdown(&report).contains("not recalibrated"));
+}
+
 #[test]
 fn what_is_not_a_number_is_never_printed() {
     let mut report = full();

@@ -1,6 +1,6 @@
 //! Which candidate effect explains what is left: strengths, detection limits, odds, and which effects look alike.
 
-use crate::tables::{AttributionRow, ConfusionRow, SignatureRow, VerdictRow};
+use crate::tables::{AttributionRow, ConfusionRow, SignatureRow};
 
 use super::super::charts::{HeatMap, Mark, Row, RowChart};
 use super::super::document::{Block, Cell, Figure, Section, Table, Tone, cell, text};
@@ -22,8 +22,10 @@ pub fn section(report: &Report) -> Section {
 
 fn intro() -> String {
     "Each candidate effect is a change of the simulated physics with a strength, 0 meaning absent. η90 is the strength \
-     from which the whole procedure names the effect in 90 % of cases; visibility is the share of its signature that \
-     the calibrated parameters cannot imitate."
+     from which the whole procedure names the effect in 90 % of cases; z is the residual along the effect's signature in \
+     standard errors, its p-value that of the whole family of candidates; misfit left is what the residual keeps once the \
+     effect is in the model. Visibility is the share of its signature that the calibrated parameters cannot imitate, a its \
+     length in standard errors per unit of strength."
         .to_string()
 }
 
@@ -35,7 +37,6 @@ fn data_set(report: &Report, measured: &str) -> Vec<Block> {
     rows.sort_by(|a, b| b.ln_odds.total_cmp(&a.ln_odds).then_with(|| a.effect.cmp(&b.effect)));
     let mut blocks = vec![table(&rows), strengths(&rows)];
     blocks.extend(likeness(report, measured, &rows));
-    blocks.extend(advice(report, measured));
     blocks.extend(signatures(report, measured));
     blocks
 }
@@ -164,15 +165,6 @@ fn pairs(own: &[&ConfusionRow], names: &[&str]) -> Block {
             cell(significant(row.separation, 3)),
         ]
     })))
-}
-
-fn advice(report: &Report, measured: &str) -> Option<Block> {
-    let own = |row: &&VerdictRow| row.measured == measured && !row.advice.is_empty();
-    report.verdicts.iter().find(own).map(|row| Block::Note {
-        tone: Tone::Strong,
-        title: "What to measure or do next.".to_string(),
-        text: text(row.advice.clone()),
-    })
 }
 
 /// Signatures: statistics as rows, effects and parameters as columns.

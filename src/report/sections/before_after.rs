@@ -3,10 +3,10 @@
 use crate::tables::{BeforeAfterRow, RecalibrationRow};
 
 use super::super::charts::{Mark, Row, RowChart};
-use super::super::document::{Block, Cell, Figure, Section, Table, Tone, cell, optional};
+use super::super::document::{Block, Cell, Figure, Section, Table, Tone, cell, optional, text};
 use super::super::numbers::{plus_minus, significant};
 use super::super::{Report, words};
-use super::verdict::error;
+use super::verdict::{error, is_switched};
 use super::{distinct, interval, not_run, per_data_set, ranked};
 
 /// The section.
@@ -19,29 +19,37 @@ pub fn section(report: &Report) -> Section {
     Section { id: "before-after", title: "Before and after".to_string(), blocks }
 }
 
+/// Why the parameters here are not those of the calibration.
+const FITTED_TO_ALL: &str = "These parameters are those of the diagnosis: with many runs at the optimum they are fitted to \
+    all statistics of the fitted tests at once, each weighed by its error. The calibrated parameters further up are fitted \
+    to the KPIs alone with the paper's weights, so their errors differ from those here. An effect's strength is fitted anew \
+    together with the parameters, so it differs from the verdict's within their errors.";
+
 fn data_set(report: &Report, measured: &str) -> Vec<Block> {
-    let mut rows: Vec<&BeforeAfterRow> = report.before_after.iter().filter(|row| row.measured == measured).collect();
-    rows.sort_by_key(|row| (!row.fitted, words::rank(&row.kpi), row.statistic.as_str()));
+    let rows = report.before_after_of(measured);
     let mut blocks: Vec<Block> = parameters(report, measured).into_iter().collect();
     if !rows.is_empty() {
-        blocks.push(charts(&rows));
-        blocks.push(table(&rows));
+        blocks.push(Block::Paragraph(text(FITTED_TO_ALL)));
+        blocks.push(charts(report, &rows));
+        blocks.push(table(report, &rows));
     }
     blocks
 }
 
 /// One drawing per statistic: spreads are known far less well than means and need an axis of their own.
-fn charts(rows: &[&BeforeAfterRow]) -> Block {
+fn charts(report: &Report, rows: &[&BeforeAfterRow]) -> Block {
     let statistics = distinct(rows.iter().map(|row| row.statistic.as_str()));
-    let legend = vec![(1, "before: no effect".to_string()), (0, "after: effect switched on, recalibrated".to_string())];
-    Block::Figures { legend, figures: statistics.into_iter().map(|statistic| figure(rows, statistic)).collect() }
+    let after = (0, "after: effect switched on, recalibrated".to_string());
+    let legend = [(1, "before: no effect".to_string())].into_iter().chain(is_switched(rows).then_some(after));
+    let figures = statistics.into_iter().map(|statistic| figure(report, rows, statistic)).collect();
+    Block::Figures { legend: legend.collect(), figures }
 }
 
-fn figure(rows: &[&BeforeAfterRow], statistic: &str) -> Figure {
+fn figure(report: &Report, rows: &[&BeforeAfterRow], statistic: &str) -> Figure {
     let chart = RowChart {
         title: format!("Error of the {}", words::statistic(statistic)),
         axis: "error against the measurement [%]".to_string(),
-        rows: rows.iter().filter(|row| row.statistic == statistic).map(|row| chart_row(row)).collect(),
+        rows: rows.iter().filter(|row| row.statistic == statistic).map(|row| chart_row(report, row)).collect(),
         guides: vec![0.0],
         joined: true,
         ..RowChart::default()
@@ -50,7 +58,7 @@ fn figure(rows: &[&BeforeAfterRow], statistic: &str) -> Figure {
     Figure { chart: chart.draw(), caption }
 }
 
-fn chart_row(row: &BeforeAfterRow) -> Row {
+fn chart_row(report: &Report, row: &BeforeAfterRow) -> Row {
     let mark = |series, name: &str, value: Option<f64>, lower, upper| {
         let hint = format!("{name} {} %", error(value, lower, upper, "").text);
         value.map(|value| Mark { series, value, interval: interval(lower, upper), hint })
@@ -58,42 +66,48 @@ fn chart_row(row: &BeforeAfterRow) -> Row {
     let before = mark(1, "before", row.before_error_percent, row.before_lower_percent, row.before_upper_percent);
     let after = mark(0, "after", row.after_error_percent, row.after_lower_percent, row.after_upper_percent);
     Row {
-        group: if row.fitted { "Fitted".to_string() } else { "Held out: the fit never saw these".to_string() },
+        group: match report.role(row) {
+            "held out" => "Held out: the fit never saw these".to_string(),
+            role => words::title(role),
+        },
         label: words::title(&row.kpi),
         note: if before.is_none() && after.is_none() { "not simulated".to_string() } else { String::new() },
         marks: before.into_iter().chain(after).collect(),
     }
 }
 
-fn table(rows: &[&BeforeAfterRow]) -> Block {
-    let headings = [
-        "observable",
-        "statistic",
-        "role",
-        "#measured",
-        "#before",
-        "#after",
-        "unit",
-        "#error before [%]",
-        "#error after [%]",
-    ];
-    let table = Table::new("Simulated values and their errors, before and after", &headings);
-    Block::Table(table.with_rows(rows.iter().map(|row| self::row(row))))
+fn table(report: &Report, rows: &[&BeforeAfterRow]) -> Block {
+    let switched = is_switched(rows);
+    let headings = match switched {
+        true => vec!["#before", "#after", "unit", "#error before [%]", "#error after [%]"],
+        false => vec!["#simulated", "unit", "#error [%]"],
+    };
+    let caption = match switched {
+        true => "Simulated values and their errors, before and after",
+        false => "Simulated values and their errors; no effect was switched on",
+    };
+    let headings = [vec!["observable", "statistic", "role", "#measured"], headings].concat();
+    Block::Table(Table::new(caption, &headings).with_rows(rows.iter().map(|r| row(report, r, switched))))
 }
 
-fn row(row: &BeforeAfterRow) -> Vec<Cell> {
+fn row(report: &Report, row: &BeforeAfterRow, switched: bool) -> Vec<Cell> {
     let value = |value| optional(value, |value| significant(value, 4), "not simulated");
-    vec![
+    // A value without an error is one whose measured mean is too near zero for a percentage.
+    let reason = |value: Option<f64>| if value.is_some() { "no percentage so near zero" } else { "not simulated" };
+    let before = (row.before_error_percent, row.before_lower_percent, row.before_upper_percent);
+    let after = (row.after_error_percent, row.after_lower_percent, row.after_upper_percent);
+    let head = [
         cell(words::title(&row.kpi)),
         cell(words::statistic(&row.statistic)),
-        cell(words::role(row.fitted)),
+        cell(report.role(row)),
         cell(significant(row.measured_value, 4)),
         value(row.before),
-        value(row.after),
-        cell(words::unit(&row.unit)),
-        error(row.before_error_percent, row.before_lower_percent, row.before_upper_percent, "not simulated"),
-        error(row.after_error_percent, row.after_lower_percent, row.after_upper_percent, "not simulated"),
-    ]
+    ];
+    let unit = cell(words::unit(&row.unit));
+    let before = error(before.0, before.1, before.2, reason(row.before));
+    let after_error = error(after.0, after.1, after.2, reason(row.after));
+    let cells = head.into_iter().chain(switched.then(|| value(row.after))).chain([unit, before]);
+    cells.chain(switched.then_some(after_error)).collect()
 }
 
 fn parameters(report: &Report, measured: &str) -> Option<Block> {
@@ -102,14 +116,18 @@ fn parameters(report: &Report, measured: &str) -> Option<Block> {
         return None;
     }
     let find = |name: &str, model: &str| own.iter().copied().find(|row| row.name == name && row.model == model);
+    let switched = own.iter().any(|row| row.model == "after");
     let row = |name: &str| {
         let (before, after) = (find(name, "before"), find(name, "after"));
-        let unit = before.or(after).map_or("", |row| &row.unit);
-        let (before, after) = (parameter(before, "absent"), parameter(after, "not recalibrated"));
-        vec![cell(words::title(name)), before, after, cell(words::unit(unit))]
+        let unit = cell(words::unit(before.or(after).map_or("", |row| &row.unit)));
+        let cells = [cell(words::title(name)), parameter(before, "absent")].into_iter();
+        cells.chain(switched.then(|| parameter(after, "not recalibrated"))).chain([unit]).collect()
     };
-    let headings = ["parameter or effect", "#before", "#after", "unit"];
-    let table = Table::new("Parameters and strengths ± standard error", &headings);
+    let headings: &[&str] = match switched {
+        true => &["parameter or effect", "#before", "#after", "unit"],
+        false => &["parameter", "#value", "unit"],
+    };
+    let table = Table::new("Parameters and strengths ± standard error", headings);
     let names = ranked(own.iter().map(|row| row.name.as_str()));
     Some(Block::Table(table.with_rows(names.into_iter().map(row))))
 }

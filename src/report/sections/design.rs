@@ -110,7 +110,12 @@ fn runs(report: &Report) -> Vec<Block> {
     }
     let headings =
         ["asked for by", "experiment", "#ok", "#failed", "ended by", "#contacts per particle", "#largest overlap"];
-    let caption = format!("{} simulations; overlap in per cent of the smaller radius", count(report.runs.len()));
+    let different = report.runs.iter().map(|run| run.run_key.as_str()).collect::<BTreeSet<_>>().len();
+    let caption = format!(
+        "{} simulations asked for, {} different ones; overlap in per cent of the smaller radius",
+        count(report.runs.len()),
+        count(different)
+    );
     let rows = groups.into_iter().map(|((_, purpose, experiment), runs)| run_row(purpose, experiment, &runs));
     vec![Block::Table(Table::new(caption, &headings).with_rows(rows))]
 }

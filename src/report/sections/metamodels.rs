@@ -29,6 +29,7 @@ fn blocks(rows: &[&MetamodelRow]) -> Vec<Block> {
     let (kpis, others): (Vec<&MetamodelRow>, Vec<&MetamodelRow>) =
         latest(rows).into_iter().partition(|row| words::is_kpi(&row.kpi));
     let mut blocks = vec![Block::Paragraph(text(intro)), table("Error of the KPIs' metamodels", kpis)];
+    blocks.extend(failures(rows));
     if over_repetitions(rows) {
         blocks.push(charts(rows));
         let all = vec![table("Error at every number of repetitions", rows.to_vec())];
@@ -96,20 +97,35 @@ fn table(caption: &str, mut rows: Vec<&MetamodelRow>) -> Block {
     Block::Table(Table::new(caption, &headings).with_rows(rows.into_iter().map(row)))
 }
 
+/// Every reason for which metamodels failed, once, with those it concerns.
+fn failures(rows: &[&MetamodelRow]) -> Option<Block> {
+    let mut failed: BTreeMap<(&str, &str, u32), Vec<&str>> = BTreeMap::new();
+    for row in rows.iter().filter(|row| row.status != "ok") {
+        let reason = row.reason.as_deref().unwrap_or("no reason recorded");
+        failed.entry((reason, &row.kind, row.n)).or_default().push(&row.kpi);
+    }
+    let fact = |((reason, kind, n), kpis): ((&str, &str, u32), Vec<&str>)| {
+        let names: Vec<String> = ranked(kpis.into_iter()).into_iter().map(words::label).collect();
+        (format!("No {} at n = {n} of {}", kind.to_uppercase(), names.join(", ")), text(reason))
+    };
+    (!failed.is_empty()).then(|| Block::Facts(failed.into_iter().map(fact).collect()))
+}
+
 fn row(row: &MetamodelRow) -> Vec<Cell> {
-    let reason = row.reason.as_deref().unwrap_or("not computed");
-    let error = |value| optional(value, |value| significant(value, 3), reason);
+    let said = |reason| if row.status == "ok" { reason } else { "" };
+    let mean = |value| optional(value, |value| significant(value, 3), said("the mean vanishes"));
+    let sd = |value| optional(value, |value| significant(value, 3), said("needs two runs"));
     let kind = cell(row.kind.to_uppercase());
     vec![
         cell(words::title(&row.kpi)),
         if row.status == "ok" { kind } else { kind.with_note(&row.status).with_tone(Tone::Caution) },
         cell(row.n.to_string()),
         cell(row.points.to_string()),
-        error(row.nrmse_train_mean),
-        error(row.nrmse_train_sd),
-        error(row.nrmse_validation_mean),
-        error(row.nrmse_validation_sd),
-        error(row.lml),
+        mean(row.nrmse_train_mean),
+        sd(row.nrmse_train_sd),
+        mean(row.nrmse_validation_mean),
+        sd(row.nrmse_validation_sd),
+        mean(row.lml),
     ]
 }
 

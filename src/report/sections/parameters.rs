@@ -266,7 +266,8 @@ fn calibration(row: &CalibrationRow) -> Vec<Cell> {
     let reason = row.reason.as_deref().unwrap_or("no optimum");
     let status = cell(words::label(&row.status));
     let open = match row.flat_directions.as_deref() {
-        None => Cell::missing(reason),
+        None if row.status == "ok" => cell("nothing"),
+        None => Cell::missing(""),
         Some("") => cell("nothing"),
         Some(said) => cell(said),
     };
@@ -274,11 +275,11 @@ fn calibration(row: &CalibrationRow) -> Vec<Cell> {
         cell(words::method(&row.kind, &row.approach)),
         cell(row.n.to_string()),
         if row.status == "ok" { status } else { status.with_note(reason).with_tone(Tone::Caution) },
-        optional(row.objective, |value| significant(value, 3), reason),
+        optional(row.objective, |value| significant(value, 3), ""),
         cell(row.starts.to_string()),
         match row.starts_at_optimum {
             Some(starts) => cell(starts.to_string()),
-            None => Cell::missing(reason),
+            None => Cell::missing(""),
         },
         open,
     ]
@@ -292,7 +293,8 @@ fn predictions(report: &Report, measured: &str) -> Option<Block> {
     let targets: Vec<&TargetRow> = report.targets.iter().filter(|row| row.measured == measured).collect();
     let mut rows = latest(&own);
     rows.sort_by_key(|row| (words::rank(&row.kpi), method_rank((&row.kind, &row.approach))));
-    let headings = ["observable", "method", "#n", "#mean", "#its own sd", "#sd between runs", "#measured mean", "unit"];
+    let headings =
+        ["observable", "method", "#n", "#mean", "#sd of the metamodel", "#sd between runs", "#measured mean", "unit"];
     let table = Table::new("What the metamodels predict at the optima", &headings);
     let blocks = vec![Block::Table(table.with_rows(rows.iter().map(|row| prediction(row, &targets))))];
     Some(Block::Details { summary: format!("{} predictions at the optima", rows.len()), blocks })

@@ -32,7 +32,7 @@ fn targets(report: &Report, measured: &str) -> Vec<Block> {
         return Vec::new();
     }
     rows.sort_by_key(|row| (words::rank(&row.kpi), row.experiment.as_str()));
-    let headings = ["observable", "experiment", "role", "#n", "#mean", "#standard deviation", "#normality p", "unit"];
+    let headings = ["observable", "experiment", "role", "#n", "#mean", "#standard deviation", "unit"];
     let table = Table::new("Measured mean and standard deviation with 95 % intervals", &headings);
     let mut blocks = vec![Block::Table(table.with_rows(rows.into_iter().map(row)))];
     if report.is_published(measured) {
@@ -45,11 +45,10 @@ fn row(row: &TargetRow) -> Vec<Cell> {
     vec![
         cell(words::title(&row.kpi)),
         cell(words::label(&row.experiment)),
-        cell(words::role(row.fitted)),
+        cell(Report::purpose(row)),
         cell(row.n.to_string()),
         cell(with_interval(row.mean, row.mean_lower, row.mean_upper)),
         cell(with_interval(row.sd, row.sd_lower, row.sd_upper)),
-        optional(row.lilliefors_p, p_value, "no single values"),
         cell(words::unit(&row.unit)),
     ]
 }
@@ -77,22 +76,25 @@ fn analysis(report: &Report, measured: &str) -> Option<Block> {
     ];
     let caption = "What the repetitions are worth: precision reached, repetitions needed (with those at the limits of \
                    the standard deviation's interval), from where on the running mean stays near the last one, \
-                   Lilliefors' test";
+                   Lilliefors' test of normality with p from its published approximation and from simulated samples";
     Some(Block::Table(Table::new(caption, &headings).with_rows(rows.into_iter().map(analysis_row))))
 }
 
 fn analysis_row(row: &MeasuredAnalysisRow) -> Vec<Cell> {
     let single = "no single values";
+    // An interval of the mean that holds zero makes every percentage of it meaningless.
+    let near_zero = row.precision.is_none_or(|precision| precision >= 1.0);
     let whole = |n: Option<u32>| n.map_or("more than a million".to_string(), |n| count(n as usize));
     let enough = row.needed.is_some_and(|needed| needed <= row.n);
     let needed = cell(whole(row.needed))
         .with_note(format!("{} to {}", whole(row.needed_lower), whole(row.needed_upper)))
         .with_tone(if enough { Tone::Good } else { Tone::Caution });
+    let known = row.precision.filter(|_| !near_zero);
     vec![
         cell(words::title(&row.kpi)),
         cell(row.n.to_string()),
-        optional(row.precision, |value| significant(100.0 * value, 2), "the mean is zero"),
-        needed,
+        optional(known, |value| significant(100.0 * value, 2), "the mean may be zero"),
+        if near_zero { Cell::missing("") } else { needed },
         row.stable_from.map_or(Cell::missing(single), |n| cell(n.to_string())),
         optional(row.lilliefors_d, |value| fixed(value, 3), single),
         optional(row.lilliefors_p, p_value, single),

@@ -59,26 +59,41 @@ fn strength(row: &AttributionRow) -> Text {
     text("strength ").strong(value).plain(format!("; odds against no effect {}; {limit}", odds(row.ln_odds)))
 }
 
-/// The KPIs' errors before and after; the other observables follow in their own section.
+/// The KPIs' errors before and after, and all that was held out; the other observables follow in their own section.
 fn before_after(report: &Report, verdict: &VerdictRow) -> Block {
-    let own = |row: &&BeforeAfterRow| row.measured == verdict.measured;
-    let mut rows: Vec<&BeforeAfterRow> = report.before_after.iter().filter(own).collect();
-    rows.retain(|row| words::is_kpi(&row.kpi) || !row.fitted);
+    let mut rows = report.before_after_of(&verdict.measured);
+    rows.retain(|row| words::is_kpi(&row.kpi) || report.role(row) == "held out");
     if rows.is_empty() {
         return nothing_added(verdict);
     }
-    rows.sort_by_key(|row| (!row.fitted, words::rank(&row.kpi), row.statistic.as_str()));
-    let headings = ["KPI and statistic", "#before", "#after"];
-    let caption = "Error against the measurement in per cent, with 95 % interval; bold where it comes nearer to zero or, so marked, moves further off";
-    Block::Table(Table::new(caption, &headings).with_rows(rows.into_iter().map(row)))
+    let switched = is_switched(&rows);
+    let caption = match switched {
+        true => {
+            "Error of the model fitted to all statistics against the measurement in per cent, with 95 % interval, without \
+             and with the effect; what moves further off zero is marked"
+        }
+        false => {
+            "Error of the model fitted to all statistics against the measurement in per cent, with 95 % interval; no \
+             effect was switched on"
+        }
+    };
+    let headings: &[&str] =
+        if switched { &["KPI and statistic", "#before", "#after"] } else { &["KPI and statistic", "#error"] };
+    Block::Table(Table::new(caption, headings).with_rows(rows.into_iter().map(|r| row(report, r, switched))))
+}
+
+/// Was an effect switched on, so that there is an after?
+pub fn is_switched(rows: &[&BeforeAfterRow]) -> bool {
+    rows.iter().any(|row| row.after.is_some())
 }
 
 /// Narrow enough for a telephone: intervals stand below their values.
-fn row(row: &BeforeAfterRow) -> Vec<Cell> {
+fn row(report: &Report, row: &BeforeAfterRow, switched: bool) -> Vec<Cell> {
     let name = format!("{}, {}", words::title(&row.kpi), words::statistic(&row.statistic));
     let before = stacked(row.before_error_percent, row.before_lower_percent, row.before_upper_percent);
     let after = stacked(row.after_error_percent, row.after_lower_percent, row.after_upper_percent);
-    vec![cell(name).with_note(words::role(row.fitted)), before, toned(after, row)]
+    let after = switched.then(|| toned(after, row));
+    [cell(name).with_note(report.role(row)), before].into_iter().chain(after).collect()
 }
 
 /// A percentage with its interval as small print.
@@ -92,10 +107,9 @@ fn stacked(value: Option<f64>, lower: Option<f64>, upper: Option<f64>) -> Cell {
     }
 }
 
-/// Marks an error that has become smaller or larger.
+/// Marks an error that has become larger.
 fn toned(after: Cell, row: &BeforeAfterRow) -> Cell {
     match (row.before_error_percent, row.after_error_percent) {
-        (Some(old), Some(new)) if new.abs() < old.abs() => after.with_tone(Tone::Good),
         (Some(old), Some(new)) if new.abs() > old.abs() => further_off(after),
         _ => after,
     }

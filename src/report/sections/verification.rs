@@ -1,9 +1,11 @@
 //! DEM runs at the optima against the metamodels' predictions and the measured targets, beside the paper's Table 8.
 
-use crate::tables::VerificationRow;
+use std::collections::BTreeSet;
+
+use crate::tables::{RunRow, VerificationRow};
 
 use super::super::charts::{Chart, Line, LineChart, Node, Pair, Scatter};
-use super::super::document::{Block, Cell, Figure, Legend, Section, Table, cell, optional, text};
+use super::super::document::{Block, Cell, Figure, Legend, Section, Table, Tone, cell, optional, text};
 use super::super::numbers::{percent, significant, spread, with_interval};
 use super::super::{Report, paper, words};
 use super::{coarse_warning, distinct, interval, latest, method_rank, not_run, over_repetitions, per_data_set, ranked};
@@ -32,26 +34,22 @@ fn data_set(report: &Report, measured: &str) -> Vec<Block> {
         latest(&own).into_iter().partition(|row| words::is_kpi(&row.kpi));
     let mut blocks = vec![Block::Paragraph(text(SCATTER)), scatters(&last)];
     blocks.push(against_prediction("Simulated against predicted mean", last.clone()));
+    blocks.extend(trained_on(report, &last));
     if published {
         blocks.extend(coarse_warning(report));
     }
-    let beside = if published { ", beside the paper's Table 8 (n = 50)" } else { "" };
-    blocks.push(against_target(&format!("Error against the target in per cent{beside}"), last, published));
+    blocks.extend(table_8(&last, published));
     if over_repetitions(&own) {
         blocks.extend(developments(&own));
         let all = vec![
             against_prediction("Simulated against predicted mean at every number of repetitions", own.clone()),
-            against_target(
-                "Error against the target at every number of repetitions, in per cent",
-                own.clone(),
-                published,
-            ),
+            against_target("Error against the target at every number of repetitions, in per cent", own.clone()),
         ];
         blocks.push(Block::Details { summary: format!("All {} verifications", own.len()), blocks: all });
     } else if !others.is_empty() {
         let tables = vec![
             against_prediction("Simulated against predicted mean of the other observables", others.clone()),
-            against_target("Error of the other observables against the target, in per cent", others.clone(), false),
+            against_target("Error of the other observables against the target, in per cent", others.clone()),
         ];
         let summary = format!("{} verifications of other observables", others.len());
         blocks.push(Block::Details { summary, blocks: tables });
@@ -65,8 +63,17 @@ fn sorted(mut rows: Vec<&VerificationRow>) -> impl Iterator<Item = &Verification
 }
 
 fn against_prediction(caption: &str, rows: Vec<&VerificationRow>) -> Block {
-    let headings =
-        ["observable", "method", "#n", "#simulated mean", "#sd", "#predicted mean", "#sd", "#error [%]", "unit"];
+    let headings = [
+        "observable",
+        "method",
+        "#n",
+        "#simulated mean",
+        "#its sd",
+        "#predicted mean",
+        "#predicted sd",
+        "#error [%]",
+        "unit",
+    ];
     let row = |row: &VerificationRow| {
         let missing = no_value(row);
         vec![
@@ -84,34 +91,149 @@ fn against_prediction(caption: &str, rows: Vec<&VerificationRow>) -> Block {
     Block::Table(Table::new(caption, &headings).with_rows(sorted(rows).map(row)))
 }
 
-fn against_target(caption: &str, rows: Vec<&VerificationRow>, published: bool) -> Block {
-    let mut headings = vec!["observable", "method", "#n", "#target", "#mean", "#mean ± sd"];
-    if published {
-        headings.extend(["#paper, mean", "#paper, mean ± sd", "#difference of the means"]);
-    }
-    let row = |row: &VerificationRow| target_row(row, published);
-    Block::Table(Table::new(caption, &headings).with_rows(sorted(rows).map(row)))
+fn against_target(caption: &str, rows: Vec<&VerificationRow>) -> Block {
+    let headings = ["observable", "method", "#n", "#target", "#mean", "#mean ± sd"];
+    Block::Table(Table::new(caption, &headings).with_rows(sorted(rows).map(target_row)))
 }
 
-fn target_row(row: &VerificationRow, published: bool) -> Vec<Cell> {
-    let missing = no_value(row);
-    let ends = row.target_error_upper_percent.zip(row.target_error_lower_percent);
-    let mut cells = vec![
+fn target_row(row: &VerificationRow) -> Vec<Cell> {
+    vec![
         cell(words::title(&row.kpi)),
         cell(words::method(&row.kind, &row.approach)),
         runs(row),
         cell(words::with_unit(&spread(row.target_mean, row.target_sd), &row.unit)),
-        optional(row.target_error_percent, percent, &missing),
-        both(ends, if row.count == 1 { "needs two runs" } else { &missing }),
-    ];
+        error_of_mean(row),
+        error_of_spread(row),
+    ]
+}
+
+fn error_of_mean(row: &VerificationRow) -> Cell {
+    optional(row.target_error_percent, percent, &no_value(row))
+}
+
+fn error_of_spread(row: &VerificationRow) -> Cell {
+    let ends = row.target_error_upper_percent.zip(row.target_error_lower_percent);
+    let missing = if row.count == 1 { "needs two runs".to_string() } else { no_value(row) };
+    both(ends, &missing)
+}
+
+/// The methods as columns and the KPIs as rows, first the errors of the means, then those of mean ± sd, as in the
+/// paper's Table 8; beside its own targets the paper's row and the difference stand below each of this study's.
+fn table_8(rows: &[&VerificationRow], published: bool) -> Vec<Block> {
+    let mut methods: Vec<(&str, &str)> = rows.iter().map(|row| (&*row.kind, &*row.approach)).collect();
+    methods.sort_by_key(|method| method_rank(*method));
+    methods.dedup();
+    let kpis = ranked(rows.iter().map(|row| row.kpi.as_str()));
+    let names: Vec<String> =
+        methods.iter().map(|(kind, approach)| format!("#{}", words::method(kind, approach))).collect();
+    let headings: Vec<&str> = ["KPI", "from"].into_iter().chain(names.iter().map(String::as_str)).collect();
+    let beside = if published { ", beside the paper's Table 8 (which has no SK)" } else { "" };
+    let halves: [(&str, Part); 2] = [("Mean KPI % error", MEAN), ("Mean ± standard deviation KPI % error", SPREAD)];
+    let table = |(caption, part): (&str, Part)| {
+        let caption = format!("{caption}: simulation against target{beside}; bold is the nearest to zero");
+        let triples = kpis.iter().flat_map(|kpi| triple(rows, &methods, kpi, &part, published));
+        Block::Table(Table::new(caption, &headings).with_rows(triples))
+    };
+    let target = |kpi: &&str| {
+        let row = rows.iter().find(|row| row.kpi == **kpi)?;
+        Some(format!("{} {}", words::label(kpi), words::with_unit(&spread(row.target_mean, row.target_sd), &row.unit)))
+    };
+    let targets: Vec<String> = kpis.iter().filter_map(target).collect();
+    let said = text(format!("Targets, mean ± standard deviation: {}.", targets.join(", ")));
+    [Block::Paragraph(said)].into_iter().chain(halves.into_iter().map(table)).collect()
+}
+
+/// One half of Table 8: the cell of a row of this study, the paper's, their difference, and the size of an error.
+struct Part {
+    ours: fn(&VerificationRow) -> Cell,
+    theirs: fn(&paper::TargetError) -> Cell,
+    difference: fn(&VerificationRow, &paper::TargetError) -> Option<Cell>,
+    size: fn(&VerificationRow) -> Option<f64>,
+}
+
+const MEAN: Part = Part {
+    ours: error_of_mean,
+    theirs: |printed| cell(percent(printed.mean)),
+    difference: |row, printed| Some(cell(percent(row.target_error_percent? - printed.mean))),
+    size: |row| row.target_error_percent.map(f64::abs),
+};
+
+const SPREAD: Part = Part {
+    ours: error_of_spread,
+    theirs: |printed| both(Some((printed.upper, printed.lower)), ""),
+    difference: |row, printed| {
+        let (upper, lower) = (row.target_error_upper_percent?, row.target_error_lower_percent?);
+        Some(both(Some((upper - printed.upper, lower - printed.lower)), ""))
+    },
+    size: |row| Some(row.target_error_upper_percent?.abs() + row.target_error_lower_percent?.abs()),
+};
+
+/// The rows of a KPI: this study's, and beside its own targets the paper's and the difference.
+fn triple(
+    rows: &[&VerificationRow],
+    methods: &[(&str, &str)],
+    kpi: &str,
+    part: &Part,
+    published: bool,
+) -> Vec<Vec<Cell>> {
+    let find = |(kind, approach): &(&str, &str)| {
+        rows.iter().copied().find(|row| row.kpi == kpi && row.kind == *kind && row.approach == *approach)
+    };
+    let found: Vec<Option<&VerificationRow>> = methods.iter().map(find).collect();
+    let line = |from: String, cells: Vec<Cell>| -> Vec<Cell> {
+        [cell(words::title(kpi)), cell(from)].into_iter().chain(cells).collect()
+    };
+    let n = found.iter().flatten().map(|row| row.n).max().unwrap_or_default();
+    let least = found.iter().flatten().filter_map(|row| (part.size)(row)).min_by(f64::total_cmp);
+    let ours = |row: &Option<&VerificationRow>| {
+        let Some(row) = row else { return Cell::missing("not verified") };
+        let best = least.is_some() && (part.size)(row) == least;
+        let shown = (part.ours)(row);
+        let shown = if row.n == n { shown } else { shown.with_note(format!("n = {}", row.n)) };
+        if best { shown.with_tone(Tone::Strong) } else { shown }
+    };
+    let mut lines = vec![line(format!("this study, n = {n}"), found.iter().map(ours).collect())];
     if published {
-        let printed = paper::target_error(&row.kind, &row.approach, &row.kpi);
-        cells.push(optional(printed.map(|error| error.mean), percent, "not in the paper"));
-        cells.push(both(printed.map(|error| (error.upper, error.lower)), "not in the paper"));
-        let apart = row.target_error_percent.zip(printed).map(|(ours, printed)| ours - printed.mean);
-        cells.push(optional(apart, percent, if printed.is_some() { &missing } else { "not in the paper" }));
+        let printed = |(kind, approach): &(&str, &str)| paper::target_error(kind, approach, kpi);
+        let theirs = methods
+            .iter()
+            .map(|method| printed(method).map_or(Cell::missing("not in the paper"), |error| (part.theirs)(&error)));
+        lines.push(line(super::from_paper(), theirs.collect()));
+        let apart = methods.iter().zip(&found).map(|(method, row)| {
+            row.zip(printed(method)).and_then(|(row, error)| (part.difference)(row, &error)).unwrap_or_else(|| cell(""))
+        });
+        lines.push(line("difference".to_string(), apart.collect()));
     }
-    cells
+    lines
+}
+
+/// Names the optima at design points: their simulations are among those that the metamodel was trained on.
+fn trained_on(report: &Report, rows: &[&VerificationRow]) -> Option<Block> {
+    let design: Vec<&RunRow> = report.runs.iter().filter(|run| run.label == "design").collect();
+    let experiments: BTreeSet<&str> = design.iter().map(|run| run.experiment.as_str()).collect();
+    let design: BTreeSet<&str> = design.iter().map(|run| run.run_key.as_str()).collect();
+    let known = |row: &&VerificationRow| {
+        let label = format!("{}/{}-{}/{}", row.measured, row.kind, row.approach, row.n);
+        // Runs of the held-out experiment have the same label.
+        let own = report.runs.iter().filter(|run| run.label == label && experiments.contains(run.experiment.as_str()));
+        let keys: BTreeSet<&str> = own.map(|run| run.run_key.as_str()).collect();
+        !keys.is_empty() && keys.is_subset(&design)
+    };
+    let methods: BTreeSet<(usize, String)> = rows
+        .iter()
+        .filter(|row| known(row))
+        .map(|row| (method_rank((&row.kind, "")).0, words::method(&row.kind, &row.approach)))
+        .collect();
+    let names: Vec<String> = methods.into_iter().map(|(_, name)| name).collect();
+    (!names.is_empty()).then(|| Block::Note {
+        tone: Tone::Caution,
+        title: "No test.".to_string(),
+        text: text(format!(
+            "The optimum of {} is a point of the design, so these simulations are among those that the metamodel was \
+             trained on: that they agree says nothing.",
+            names.join(", ")
+        )),
+    })
 }
 
 /// Errors at mean + sd and mean - sd, written as in the paper's Table 8.

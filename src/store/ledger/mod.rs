@@ -18,8 +18,10 @@ mod compact;
 pub mod layout;
 mod load;
 mod state;
+mod survey;
 
 pub use compact::FOLD_AT;
+pub use survey::survey;
 
 use super::{LEDGERS, Store, StoreError, Warning};
 use crate::canonical::Digest;
