@@ -33,16 +33,17 @@ export OMP_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM
 
 # One run: set, experiment, repetition. grains.csv and flow.csv stay.
 simulate() {
-  local run=$folder/$1/$2/$3 cohesion=off seed=7000000
+  local run=$folder/$1/$2/$3 cohesion=off walls=off seed=7000000
   [ -e "$run/grains.csv" ] && return
   case $1 in
-    cohesive) cohesion=sjkr seed=7100000 ;;
+    cohesive) cohesion=sjkr walls=sjkr seed=7100000 ;;
+    # Its walls are dry: with liquid on them LIGGGHTS crashes.
     capillary) cohesion=easo/capillary/viscous seed=7200000 ;;
   esac
   rm -rf "$run"
   "$TWIN" pipeline.toml "$2" $((seed + $3)) "$run" "${theta[@]}"
   (cd "$run" && nice -n 5 liggghts -in "$deck" -var rolling "${ROLLING:-epsd}" -var wall_rolling "${WALL_ROLLING:-epsd2}" \
-    -var cohesion $cohesion -var wall_cohesion $cohesion -var slower "${SLOWER:-1}" >log 2>&1) ||
+    -var cohesion $cohesion -var wall_cohesion $walls -var slower "${SLOWER:-1}" >log 2>&1) ||
     { echo "LIGGGHTS failed, see $run/log" >&2; exit 1; }
   cp "$run/flow.txt" "$run/flow.csv"
   { echo 'x [m],y [m],z [m],radius [m],vx [m/s],vy [m/s],vz [m/s]'
@@ -61,7 +62,8 @@ measure() {
   [ "$2" = hopper ] || set+=(--particles "${grains[@]}")
   [ "$2" = bulk_density ] || set+=(--flow "${flows[@]}")
   for k in "${theta[@]}"; do set+=(--set "$k"); done
-  "$GRANULAKE" measure "$2" "${set[@]}" --csv | tail -n +2
+  # 4: some observable has no value and is left out, as where an arch stands over the slot.
+  { "$GRANULAKE" measure "$2" "${set[@]}" --csv || [ $? = 4 ]; } | tail -n +2
 }
 
 for name in ${SETS:-control cohesive capillary}; do

@@ -116,16 +116,24 @@ fn answer(
     })
 }
 
-/// Rows of measured data; an observable without a value is told on stderr and left out.
+/// Rows of measured data; observables without a value are left out, and told on stderr with their reason.
 fn rows(experiment: &dyn Experiment, repetition: usize, measured: &[Measurement]) -> String {
-    let row = |(name, value): &Measurement| match value {
-        Ok(value) => {
-            format!("{},{repetition},{name},{value},{}\n", experiment.name(), observables::unit(experiment, name))
+    let mut missing: Vec<(String, Vec<&str>)> = Vec::new();
+    let mut text = String::new();
+    for (name, value) in measured {
+        match value {
+            Ok(value) => {
+                let unit = observables::unit(experiment, name);
+                text += &format!("{},{repetition},{name},{value},{unit}\n", experiment.name());
+            }
+            Err(reason) => match missing.iter_mut().find(|(other, _)| *other == reason.to_string()) {
+                Some((_, names)) => names.push(name),
+                None => missing.push((reason.to_string(), vec![name])),
+            },
         }
-        Err(reason) => {
-            eprintln!("{}, repetition {repetition}: {name} is left out: {reason}", experiment.name());
-            String::new()
-        }
-    };
-    measured.iter().map(row).collect()
+    }
+    for (reason, names) in missing {
+        eprintln!("{}, repetition {repetition}, without {}: {reason}", experiment.name(), names.join(", "));
+    }
+    text
 }
