@@ -9,6 +9,7 @@
 #
 #   SETS="control" N=100 benches/twin.sh FOLDER       other sets, repetitions
 #   ROLLING=epsd2 SLOWER=4 benches/twin.sh FOLDER     one factor: law of rolling, time step over 4 (also WALL_ROLLING)
+#   SLIDING_DASHPOT=off ROLLING_DASHPOT=off           between grains
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=${1:-target/twin}
@@ -42,8 +43,11 @@ simulate() {
   esac
   rm -rf "$run"
   "$TWIN" pipeline.toml "$2" $((seed + $3)) "$run" "${theta[@]}"
+  [ "${ROLLING_DASHPOT:-on}" = on ] ||
+    sed -i -E '/^fix coefficientRollingViscousDamping/ s/ [0-9.]+e-1/ 0/g' "$run/materials.in"
   (cd "$run" && nice -n 5 liggghts -in "$deck" -var rolling "${ROLLING:-epsd}" -var wall_rolling "${WALL_ROLLING:-epsd2}" \
-    -var cohesion $cohesion -var wall_cohesion $walls -var slower "${SLOWER:-1}" >log 2>&1) ||
+    -var cohesion $cohesion -var wall_cohesion $walls -var slower "${SLOWER:-1}" \
+    -var sliding_dashpot "${SLIDING_DASHPOT:-on}" >log 2>&1) ||
     { echo "LIGGGHTS failed, see $run/log" >&2; exit 1; }
   cp "$run/flow.txt" "$run/flow.csv"
   { echo 'x [m],y [m],z [m],radius [m],vx [m/s],vy [m/s],vz [m/s]'
