@@ -9,6 +9,8 @@ mod diff;
 mod fsck;
 mod gc;
 mod init;
+mod measure;
+mod observables;
 mod output;
 mod plan;
 mod query;
@@ -51,6 +53,7 @@ something stale; 4 done, but some simulations failed (rows with status `failed` 
 enum Command {
     Bounds(bounds::Arguments),
     Init(init::Arguments),
+    Measure(measure::Arguments),
     Plan(plan::Arguments),
     Repetitions(repetitions::Arguments),
     Repro(repro::Arguments),
@@ -98,6 +101,7 @@ fn dispatch(cli: &Cli) -> Result<Outcome, CliError> {
     match &cli.command {
         Command::Bounds(arguments) => bounds::run(study, arguments),
         Command::Init(arguments) => init::run(arguments),
+        Command::Measure(arguments) => measure::run(study, arguments),
         Command::Plan(arguments) => plan::run(study, arguments),
         Command::Repetitions(arguments) => repetitions::run(study, arguments),
         Command::Repro(arguments) => repro::run(study, arguments),

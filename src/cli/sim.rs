@@ -1,14 +1,15 @@
 //! `sim`: one simulation with the study's set-up, its observables printed; on request watched, stored and resumed.
 
+mod end;
 mod vtk;
 mod watch;
 
+use super::observables::{self, pair};
 use super::{CliError, Outcome};
 use crate::campaign::{Point, Request, Values, state_digest};
 use crate::dem::{Checkpoint, Setup, Simulation};
 use crate::effects::Library;
 use crate::pipeline::Study;
-use crate::settings::spec;
 use crate::{dem, experiments, units};
 use clap::Args;
 use serde_json::{Value, json};
@@ -24,6 +25,7 @@ Examples:
   granulake sim pile --set sliding_friction=0.4 --set pile.drop_height=\"0.3 m\" --seed 7 --json
   granulake sim bulk_density --effect cohesion=0.5
   granulake sim hopper --vtk frames --trace energies.parquet --every \"5 ms\"
+  granulake sim pile --particles grains.csv --flow flow.csv    what `granulake measure` reads
   granulake sim hopper --checkpoint hopper.checkpoint          stopped on the way, it goes on to the same bits with
   granulake sim hopper --resume hopper.checkpoint              the same settings, effects and seed")]
 pub struct Arguments {
@@ -40,6 +42,8 @@ pub struct Arguments {
     seed: u64,
     #[command(flatten)]
     watch: watch::Options,
+    #[command(flatten)]
+    end: end::Options,
     /// Go on from a checkpoint of the same run instead of starting at t = 0.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
@@ -48,22 +52,11 @@ pub struct Arguments {
     json: bool,
 }
 
-fn pair(text: &str) -> Result<(String, String), String> {
-    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
-    Ok((name.trim().to_owned(), value.trim().to_owned()))
-}
-
 /// Runs the simulation and prints the observables.
 pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     let config = Study::config(study)?;
     let experiment = experiments::find(&arguments.experiment)?;
-    let mut settings = config.base_settings().clone();
-    for (name, text) in &arguments.settings {
-        match settings.word(name)? {
-            Some(_) => settings.set_text(name, text)?,
-            None => settings.set(name, units::parse(text, spec(name)?.unit)?)?,
-        }
-    }
+    let settings = observables::changed(config.base_settings(), &arguments.settings)?;
     let library = &config.effects.library;
     let point = Point::new(1, &settings, &[])?.knowing(library).with_effects(&strengths(library, &arguments.effects)?);
     let request =
@@ -71,15 +64,8 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     let resolved = request.resolve()?;
     let key = request.key(&resolved)?;
     let outcome = simulate(&experiment.setup(&resolved)?, arguments)?;
-    let observables = experiment.observables().iter();
+    arguments.end.write(experiment, &resolved, &outcome)?;
     let measured = experiment.measure(&resolved, &outcome.state, &outcome.trace);
-    let kpis = observables.zip(&measured).map(|(observable, (name, value))| {
-        let entry = match value {
-            Ok(value) => json!({"value": value, "unit": observable.unit}),
-            Err(reason) => json!({"value": Value::Null, "unit": observable.unit, "reason": reason.to_string()}),
-        };
-        ((*name).to_owned(), entry)
-    });
     let answer = json!({
         "experiment": experiment.name(),
         "seed": arguments.seed,
@@ -96,7 +82,7 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         "coordination_number": outcome.coordination_number,
         "max_overlap": outcome.max_overlap,
         "state": state_digest(&outcome.state)?.to_string(),
-        "kpis": kpis.collect::<serde_json::Map<_, _>>(),
+        "kpis": observables::json(experiment, &measured),
     });
     let mut out = std::io::stdout().lock();
     match arguments.json {
@@ -159,13 +145,5 @@ fn text(answer: &Value) -> String {
     let ends = ends
         .map(|name| format!("{name} {}", answer[name].as_f64().map_or("none".into(), |x| units::significant(x, 3))));
     text += &format!("  {counts} ({} attempts); {}\n", fact("insertion_attempts"), ends.join(", "));
-    for (name, entry) in answer["kpis"].as_object().into_iter().flatten() {
-        let unit = entry["unit"].as_str().unwrap_or_default();
-        let value = match (entry["value"].as_f64(), entry["reason"].as_str()) {
-            (Some(value), _) => units::format(value, unit),
-            (None, reason) => format!("none: {}", reason.unwrap_or("no reason given")),
-        };
-        text += &format!("  {name:<24} {value}\n");
-    }
-    text
+    text + &observables::lines(&answer["kpis"])
 }

@@ -13,6 +13,7 @@ pub mod points;
 mod problem;
 mod read;
 pub mod schema;
+pub mod states;
 pub mod template;
 mod types;
 mod values;

@@ -2,7 +2,8 @@
 //!
 //! F(s) = F₀ / (1 + 1.05 ŝ + 2.5 ŝ²) with ŝ = s √(R/V) and s the full gap; F = F₀ = 2π R γ cosθ while touching.
 //! R = 2 R_i R_j / (R_i + R_j), or 2 R_i at a wall. Breaks at s_c = R (1 + θ/2) (V*^⅓ + 0.1 V*^⅔) with V* = V / R³.
-//! The strength is given as Bond number at the mean radius, Bo = 2π R̄ γ cosθ / (m̄ g), so F₀ = Bo m̄ g R / R̄.
+//! The strength is given as Bond number at the mean radius, Bo = 2π R̄ γ cosθ / (m̄ g), so F₀ = Bo m̄ g R / R̄; at walls
+//! times a ratio of their own, 0 where they stay dry.
 //! A term of its own, called once per evaluation on the whole list; the contact law and its friction limit do not know it.
 
 use super::lanes::{Lanes, Mask, Number, Transposer, WIDTH};
@@ -23,6 +24,8 @@ pub struct Bridges {
     stretch: f64,
     /// s_c / R [-].
     rupture: f64,
+    /// Force at walls over that between grains of the same R [-].
+    wall: f64,
 }
 
 impl Bridges {
@@ -39,6 +42,7 @@ impl Bridges {
             force_per_length: bridges.bond_number * weight / radius,
             stretch: 1.0 / bridges.volume_ratio.sqrt(),
             rupture: (1.0 + 0.5 * bridges.contact_angle) * (root + 0.1 * root * root),
+            wall: bridges.wall_ratio,
         }
     }
 
@@ -139,7 +143,7 @@ pub fn add_walls(grains: &mut Particles, list: &mut WallList, rivals: &Rivals, w
             let pull = law.pull(near.distance - place[3], list.entries.length(entry), touches);
             list.entries.set_bridge(entry, pull.is_some());
             if let Some(force) = pull {
-                let [x, y, z] = scale(near.normal, -force);
+                let [x, y, z] = scale(near.normal, -law.wall * force);
                 add_force(&mut grains.load[grain as usize], [x, y, z, 0.0]);
             }
         }

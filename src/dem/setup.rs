@@ -116,6 +116,8 @@ pub struct LiquidBridges {
     pub volume_ratio: f64,
     /// Contact angle θ [rad].
     pub contact_angle: f64,
+    /// Force of a bridge to a wall over that to a wall which the liquid wets as it wets the grains [-]; 0: walls stay dry.
+    pub wall_ratio: f64,
 }
 
 /// Friction of a wall material, used directly, without mixing with the grains' own.

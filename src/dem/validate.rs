@@ -100,7 +100,8 @@ fn contact(setup: &Setup) -> Result<(), Failure> {
     let Some(bridges) = &setup.bridges else { return Ok(()) };
     not_negative("bond number", bridges.bond_number)?;
     positive("liquid volume ratio", bridges.volume_ratio)?;
-    not_negative("contact angle", bridges.contact_angle)
+    not_negative("contact angle", bridges.contact_angle)?;
+    not_negative("wall ratio of the liquid bridges", bridges.wall_ratio)
 }
 
 fn wall(wall: &Wall, before: &[Wall]) -> Result<(), Failure> {

@@ -587,7 +587,7 @@ mod tests {
         Setup {
             grains: Grains::default(),
             contact: ContactLaw { stiffness: 3.7e4, ..ContactLaw::default() },
-            bridges: Some(LiquidBridges { bond_number: 0.3, volume_ratio: 0.01, contact_angle: 0.2 }),
+            bridges: Some(LiquidBridges { bond_number: 0.3, volume_ratio: 0.01, contact_angle: 0.2, wall_ratio: 1.0 }),
             gravity: [0.0, 0.0, -9.81],
             time_step_fraction: 0.1,
             walls,

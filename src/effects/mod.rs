@@ -8,6 +8,7 @@ mod air_drag;
 mod bin_width;
 mod camera_roll;
 mod cohesion;
+mod cohesion_dry_walls;
 mod declared;
 mod density_bias;
 mod fill_level;
@@ -55,6 +56,7 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &scale_tare::ScaleTare,
     &load_cell_gain::LoadCellGain,
     &air_drag::AirDrag,
+    &cohesion_dry_walls::CohesionDryWalls,
 ];
 
 /// A change of the settings with a strength η; η = 0 is absent.

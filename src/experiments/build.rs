@@ -93,6 +93,7 @@ pub fn bridges(settings: &Settings) -> Option<LiquidBridges> {
         bond_number,
         volume_ratio: settings["liquid_volume_ratio"],
         contact_angle: settings["contact_angle"] / DEGREES,
+        wall_ratio: settings["wall_bridge_ratio"],
     })
 }
 

@@ -14,7 +14,7 @@ mod raw;
 mod reason;
 
 pub use profile::{Grain, Slope, View, Window};
-pub use raw::{Raw, observe};
+pub use raw::{Raw, observe, since_release};
 pub use reason::Reason;
 
 use crate::dem::{Setup, State, TracePoint};

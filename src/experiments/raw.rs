@@ -32,7 +32,11 @@ const INSTRUMENT_ERRORS: [&str; 3] = ["camera_roll", "hopper.load_cell_gain", "b
 pub fn observe(experiment: &dyn Experiment, settings: &Settings, raw: &Raw) -> Result<Vec<Measurement>, SettingsError> {
     let settings = laboratory(experiment, settings)?;
     let (readable, state, trace) = match raw {
-        Raw::Force(samples) => (experiment.read_off_force(), State::default(), trace(experiment, &settings, samples)),
+        Raw::Force(samples) => {
+            let gravity = settings["gravity"];
+            let masses: Vec<_> = samples.iter().map(|(time, force)| (*time, force / gravity)).collect();
+            (experiment.read_off_force(), State::default(), since_release(experiment, &settings, &masses))
+        }
         Raw::Outline(points) => (experiment.read_off_outline(), state(points), Vec::new()),
     };
     let measured = experiment.measure(&settings, &state, &trace);
@@ -50,10 +54,10 @@ fn laboratory(experiment: &dyn Experiment, settings: &Settings) -> Result<Settin
     Ok(settings)
 }
 
-fn trace(experiment: &dyn Experiment, settings: &Settings, samples: &[(f64, f64)]) -> Vec<TracePoint> {
+/// Samples (time since the release [s], mass above the opening [kg]) as the trace of a run with these settings.
+pub fn since_release(experiment: &dyn Experiment, settings: &Settings, samples: &[(f64, f64)]) -> Vec<TracePoint> {
     let release = settings.get(&format!("{}.release_time", experiment.name())).unwrap_or(0.0);
-    let gravity = settings["gravity"];
-    samples.iter().map(|(time, force)| TracePoint { time: release + time, mass: force / gravity }).collect()
+    samples.iter().map(|(time, mass)| TracePoint { time: release + time, mass: *mass }).collect()
 }
 
 fn state(points: &[(f64, f64)]) -> State {

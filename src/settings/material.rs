@@ -293,6 +293,16 @@ pub const MATERIAL: &[SettingSpec] = &[
     )
     .assumed(),
     SettingSpec::number(
+        "wall_bridge_ratio",
+        "1",
+        (1.0, 0.0, 1.0),
+        ALL,
+        "force of a liquid bridge to a wall over that to a wall wetted as the grains are; 0 = nothing sticks to walls",
+        "cos(theta) of the wall over that of the grains; 1 = both wetted",
+    )
+    .assumed()
+    .silent(),
+    SettingSpec::number(
         "wall_friction_acrylic",
         "1",
         (0.446, 0.0, 2.0),

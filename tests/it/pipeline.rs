@@ -261,6 +261,47 @@ fn a_watched_simulation_ends_with_the_same_bits() {
     refused(&["--resume", "absent"], "`absent`: ");
 }
 
+/// The end of a run, written as a table and measured as if another engine had made it, has the observables of the run.
+#[test]
+fn grains_of_any_engine_are_measured_as_our_own() {
+    let study = tiny();
+    let written = ["--particles", "grains.csv", "--flow", "flow.csv", "--json"];
+    let answer = |text: &str| serde_json::from_str::<serde_json::Value>(text).expect("JSON");
+    let soft = ["--set", "pile.time_cap=0.8 s", "--set", "particle_density=2600"];
+    let run = study.run(&[&["sim", "pile", "--seed", "3"][..], &soft, &written].concat());
+    let measured = study.run(&[&["measure", "pile"][..], &soft, &written].concat());
+    assert_eq!(run.code, measured.code, "{}", measured.err);
+    let (run, measured) = (answer(&run.out), answer(&measured.out));
+    assert_eq!(run["particles"], measured["particles"]);
+    let kpis = run["kpis"].as_object().expect("observables");
+    assert!(kpis.len() == 8 && kpis["pile_t50"]["value"].is_f64(), "{run}");
+    for (name, entry) in kpis {
+        let found = &measured["kpis"][name];
+        match (entry["value"].as_f64(), found["value"].as_f64()) {
+            // Times count from the release in the file, so that they are rounded once more.
+            (Some(value), Some(other)) => assert!((value / other - 1.0).abs() < 1e-12, "{name}: {value} {other}"),
+            _ => assert_eq!(entry, found, "{name}"),
+        }
+    }
+    let rows = study
+        .run(&[&["measure", "pile"][..], &soft, &["--particles", "grains.csv", "grains.csv", "--csv"]].concat())
+        .out;
+    assert!(rows.starts_with("experiment,repetition,kpi,value,unit\npile,1,"), "{rows}");
+    assert!(rows.contains("\npile,2,pile_shelf_mass,") && !rows.contains("pile_t50"), "{rows}");
+    let refused = |arguments: &[&str], part: &str| {
+        let ended = study.run(&[&["measure"][..], arguments].concat());
+        assert!(ended.code == Some(1) && ended.err.contains(part), "{arguments:?}: {}", ended.err);
+    };
+    refused(&["pile"], "nothing to measure; give --particles, --flow or both");
+    refused(&["pile", "--particles", "flow.csv"], "flow.csv:1: unknown column `time`");
+    refused(&["pile", "--particles", "absent.csv"], "absent.csv: cannot be read");
+    refused(
+        &["pile", "--particles", "grains.csv", "grains.csv", "--flow", "flow.csv"],
+        "2 files of grains and 1 of flow",
+    );
+    refused(&["hopper", "--particles", "grains.csv"], "--particles shows nothing of hopper; give --flow");
+}
+
 #[test]
 fn mistakes_are_told_with_place_and_remedy() {
     let study = tiny();

@@ -2,7 +2,8 @@
 
 use super::*;
 
-const LIQUID: LiquidBridges = LiquidBridges { bond_number: 2.0, volume_ratio: 0.02, contact_angle: 0.4 };
+const LIQUID: LiquidBridges =
+    LiquidBridges { bond_number: 2.0, volume_ratio: 0.02, contact_angle: 0.4, wall_ratio: 1.0 };
 
 /// Willett's force at a gap [m] for equal spheres: R = RADIUS, F₀ = Bo m g.
 fn willett(gap: f64) -> f64 {
@@ -62,18 +63,20 @@ fn a_liquid_bridge_forms_on_contact_only() {
     }
 }
 
-/// A grain under a ceiling hangs by its bridge when 2 Bo > 1 (R = 2 R_i at a wall doubles the force), and falls when 2 Bo < 1.
+/// A grain under a ceiling hangs by its bridge when 2 Bo > 1 (R = 2 R_i at a wall doubles the force), and falls when 2 Bo < 1;
+/// with Bo times the ratio of the wall's force where walls are wetted less, so never where they stay dry.
 #[test]
 fn a_grain_hangs_from_a_ceiling_by_its_bridge() {
     let ceiling = wall("ceiling", Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, -1.0] }, SMOOTH);
-    let hangs = |bond_number: f64| {
-        let bridges = Some(LiquidBridges { bond_number, ..LIQUID });
+    let hangs = |bond_number: f64, wall_ratio: f64| {
+        let bridges = Some(LiquidBridges { bond_number, wall_ratio, ..LIQUID });
         let setup = Setup { bridges, gravity: [0.0, 0.0, -GRAVITY], walls: vec![ceiling.clone()], ..space(0.1) };
         let mut world = World::new(&setup, &[Grain::new(RADIUS, [0.0, 0.0, -RADIUS + 1e-9])]).unwrap();
         run_for(&mut world, 0.1);
         world.contacts().first().map(|contact| contact.overlap * 2.0 * setup.contact.stiffness / (mass() * GRAVITY))
     };
     // Net push of the wall: 2 Bo - 1 weights.
-    assert!((hangs(0.8).unwrap() - 0.6).abs() < 1e-6);
-    assert_eq!(hangs(0.45), None);
+    assert!((hangs(0.8, 1.0).unwrap() - 0.6).abs() < 1e-6);
+    assert!((hangs(1.6, 0.5).unwrap() - 0.6).abs() < 1e-6);
+    assert_eq!([hangs(0.45, 1.0), hangs(0.9, 0.5), hangs(2.0, 0.0)], [None; 3]);
 }

@@ -10,7 +10,7 @@ fn flow_setup() -> Setup {
     let mut setup = bed_setup();
     setup.grains.rolling_spread = 0.3;
     setup.grains.drag = 0.3;
-    setup.bridges = Some(LiquidBridges { bond_number: 0.3, volume_ratio: 0.01, contact_angle: 0.2 });
+    setup.bridges = Some(LiquidBridges { bond_number: 0.3, volume_ratio: 0.01, contact_angle: 0.2, wall_ratio: 1.0 });
     setup.walls.push(wall("plate", plate, WallSpecies { sliding_friction: 0.5, rolling_friction: 0.1 }));
     let action = |time, action| Event { time, action };
     setup.events = vec![

@@ -95,7 +95,7 @@ fn springs_survive_a_rebuild_of_the_neighbour_lists() {
 #[test]
 fn springs_survive_when_grains_change_their_order() {
     // The Bond number is relative to a weight that is all but absent: F₀ = 50 m/s² times the mass of a grain.
-    let bridges = Some(LiquidBridges { bond_number: 5e10, volume_ratio: 0.01, contact_angle: 0.0 });
+    let bridges = Some(LiquidBridges { bond_number: 5e10, volume_ratio: 0.01, contact_angle: 0.0, wall_ratio: 1.0 });
     let contact = ContactLaw {
         damping: Damping::Ratio(0.0),
         sliding_friction: 10.0,

@@ -62,7 +62,7 @@ fn a_collision_across_the_ends_is_one_like_any_other() {
 /// without a period, to rounding.
 #[test]
 fn springs_and_bridges_pass_the_ends() {
-    let bridges = Some(LiquidBridges { bond_number: 5e10, volume_ratio: 0.01, contact_angle: 0.0 });
+    let bridges = Some(LiquidBridges { bond_number: 5e10, volume_ratio: 0.01, contact_angle: 0.0, wall_ratio: 1.0 });
     let contact = ContactLaw { damping: Damping::Ratio(0.0), sliding_friction: 10.0, ..ContactLaw::default() };
     let setup = Setup { bridges, contact, gravity: [0.0, 0.0, -1e-9], ..space(0.1) };
     let half = RADIUS - 0.5 * 50.0 * mass() / setup.contact.stiffness;

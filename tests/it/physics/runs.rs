@@ -90,7 +90,7 @@ fn insertion_is_free_of_contacts_and_paired_between_effects() {
 fn absent_effects_are_bit_identical_to_zero_strength() {
     let plain = simulate(&bed_setup(), 5).unwrap();
     let with = |bond_number| {
-        let bridges = Some(LiquidBridges { bond_number, volume_ratio: 0.01, contact_angle: 0.3 });
+        let bridges = Some(LiquidBridges { bond_number, volume_ratio: 0.01, contact_angle: 0.3, wall_ratio: 1.0 });
         simulate(&Setup { bridges, ..bed_setup() }, 5).unwrap()
     };
     assert_eq!(plain, with(0.0));
