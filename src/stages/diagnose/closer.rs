@@ -6,14 +6,14 @@
 
 use super::anchors::{point_at, strength_at, with_more};
 use super::evidence::Evidence;
-use super::fit::{self, Surface};
+use super::fit::{self, Surface, Weights};
 use super::lab::{Job, Lab};
 use super::moments::Batch;
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, Parameter};
 use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
 use crate::stats::points::Points;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// Most regions that are looked at, one after the other.
 const ROUNDS: usize = 4;
@@ -22,7 +22,7 @@ const WIDTH: f64 = 4.0;
 /// The least and the largest half width, in the unit cube.
 const HALF: (f64, f64) = (0.2, 0.3);
 /// Share of its width by which an optimum inside a region keeps away from the faces.
-const MARGIN: f64 = 0.1;
+const MARGIN: f64 = 0.25;
 
 /// Runs at a point of the unit cube.
 pub type Run = (DVector<f64>, Batch);
@@ -73,10 +73,8 @@ pub struct Look<'a> {
     pub label: String,
     /// Name and range of the effect whose strength is the last coordinate, if there is one.
     pub effect: Option<(&'a str, (f64, f64))>,
-    /// Covariance of the measured values.
-    pub noise: &'a DMatrix<f64>,
-    /// Correlation of the metamodels' errors.
-    pub correlation: &'a DMatrix<f64>,
+    /// What fits weigh by.
+    pub weights: Weights<'a>,
     /// The parameters that start at a point.
     pub parameters: &'a dyn Fn(&[f64]) -> Vec<Parameter>,
     /// Where fits start, besides the last optimum.
@@ -131,20 +129,17 @@ impl Look<'_> {
         })
     }
 
-    /// The fit with the metamodels' error at the optimum of a first pass.
     fn fit(&self, surface: &Surface, known: &DVector<f64>) -> Result<GlsFit, StageError> {
-        let best = |at: &DVector<f64>, starts: &[Vec<f64>]| {
-            let covariance = self.noise + surface.uncertainty(at, self.correlation);
-            fit::best(surface, self.evidence, &covariance, starts, self.parameters)
-        };
-        let first = best(known, &[&[known.as_slice().to_vec()], self.starts.as_slice()].concat())?;
-        best(&first.parameters, &[first.parameters.as_slice().to_vec()])
+        let starts = [&[known.as_slice().to_vec()], self.starts.as_slice()].concat();
+        let first = self.weights.at(surface, known);
+        Ok(fit::two_passes(surface, self.evidence, self.weights, (&first, &starts), self.parameters)?.0)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::DMatrix;
 
     fn fit(parameters: &[f64], sds: &[f64]) -> GlsFit {
         let p = parameters.len();

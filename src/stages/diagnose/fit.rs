@@ -311,6 +311,66 @@ pub fn parameters(config: &Config, measured: &Measured, start: &[f64]) -> Vec<Pa
     config.parameters.iter().zip(start).map(parameter).collect()
 }
 
+/// What a fit weighs by: covariance of the measured values, and correlation of the metamodels' errors.
+#[derive(Clone, Copy)]
+pub struct Weights<'a> {
+    /// Covariance of the measured values (m × m).
+    pub noise: &'a DMatrix<f64>,
+    /// Correlation of the errors of the metamodels (m × m).
+    pub correlation: &'a DMatrix<f64>,
+}
+
+impl Weights<'_> {
+    /// Covariance of what is measured less what is predicted at `x`.
+    pub fn at(&self, surface: &Surface, x: &DVector<f64>) -> DMatrix<f64> {
+        self.noise + surface.uncertainty(x, self.correlation)
+    }
+}
+
+/// The best fit over metamodels from several starts; their error is taken at `known`, then at the optimum of that first
+/// pass. `parameters` makes the parameters that start at a point. The covariance of the result allows for the error of the
+/// slopes.
+pub fn two_passes(
+    surface: &Surface,
+    evidence: &Evidence,
+    weights: Weights,
+    (known, starts): (&DMatrix<f64>, &[Vec<f64>]),
+    parameters: impl Fn(&[f64]) -> Vec<Parameter>,
+) -> Result<(GlsFit, DMatrix<f64>), StageError> {
+    let first = best(surface, evidence, known, starts, &parameters)?;
+    let covariance = weights.at(surface, &first.parameters);
+    let start = first.parameters.as_slice().to_vec();
+    let fit = best(surface, evidence, &covariance, std::slice::from_ref(&start), &parameters)?;
+    let slopes = surface.slopes(&fit.parameters, weights.correlation);
+    Ok((with_slope_errors(fit, &slopes, &covariance, &parameters(&start)), covariance))
+}
+
+/// Variance of what is only known to lie within the unit interval.
+const UNIFORM: f64 = 1.0 / 12.0;
+
+/// The fit with the covariance that its slopes warrant: (JᵀΣ⁻¹J − diag(tr Σ⁻¹C_j) + priors)⁻¹ over the free parameters, C_j
+/// being the covariance of the error of column j. Errors of slopes lengthen them, JᵀΣ⁻¹J on average by the trace taken
+/// off here: without it a flat direction looks known. What then is not positive is known to the range alone.
+fn with_slope_errors(mut fit: GlsFit, slopes: &Slopes, covariance: &DMatrix<f64>, parameters: &[Parameter]) -> GlsFit {
+    let Some(factor) = covariance.clone().cholesky() else { return fit };
+    let free: Vec<usize> = (0..parameters.len()).filter(|i| fit.at_bound[*i].is_none()).collect();
+    let jacobian = slopes.jacobian.select_columns(&free);
+    let mut information = jacobian.tr_mul(&factor.solve(&jacobian));
+    for (place, i) in free.iter().enumerate() {
+        let prior = parameters[*i].prior.map_or(0.0, |prior| 1.0 / (prior.sd * prior.sd));
+        information[(place, place)] += prior - factor.solve(&slopes.covariance[*i]).trace();
+    }
+    let eigen = information.symmetric_eigen();
+    let variances = eigen.eigenvalues.map(|value| 1.0 / (value.max(0.0) + 1.0 / UNIFORM));
+    let free_covariance = &eigen.eigenvectors * DMatrix::from_diagonal(&variances) * eigen.eigenvectors.transpose();
+    for (a, i) in free.iter().enumerate() {
+        for (b, j) in free.iter().enumerate() {
+            fit.covariance[(*i, *j)] = free_covariance[(a, b)];
+        }
+    }
+    fit
+}
+
 /// Points from which a fit over the parameters starts: the centre, and one towards every corner.
 pub fn starts(p: usize) -> Vec<Vec<f64>> {
     let corner = |index: usize| (0..p).map(|d| if index >> d & 1 == 1 { 0.8 } else { 0.2 }).collect::<Vec<f64>>();
@@ -318,22 +378,8 @@ pub fn starts(p: usize) -> Vec<Vec<f64>> {
     std::iter::once(vec![0.5; p]).chain((0..corners).map(corner)).collect()
 }
 
-/// The best fit over metamodels alone, whose error is taken at the optimum of a first pass; the covariance of the measured
-/// values comes with the correlation of the metamodels' errors.
-pub fn over_metamodels(
-    surface: &Surface,
-    evidence: &Evidence,
-    (noise, correlation): (&DMatrix<f64>, &DMatrix<f64>),
-    parameters: impl Fn(&[f64]) -> Vec<Parameter>,
-) -> Result<GlsFit, StageError> {
-    let p = surface.models.first().map_or(0, Metamodel::dimension);
-    let first = best(surface, evidence, noise, &starts(p), &parameters)?;
-    let wider = noise + surface.uncertainty(&first.parameters, correlation);
-    best(surface, evidence, &wider, &[first.parameters.as_slice().to_vec()], parameters)
-}
-
 /// The best fit of `surface` from several starts; `parameters` makes the parameters that start at a point.
-pub fn best(
+fn best(
     surface: &Surface,
     evidence: &Evidence,
     covariance: &DMatrix<f64>,

@@ -13,7 +13,7 @@
 use super::anchors::{Anchors, place_of, strength_at};
 use super::closer::{Look, Run, Seen};
 use super::direct;
-use super::fit::{self, Surface};
+use super::fit::{self, Surface, Weights};
 use super::lab::Lab;
 use super::moments::Moment;
 use super::verdict::Case;
@@ -132,8 +132,7 @@ impl Contender {
             evidence: &case.evidence,
             label: format!("{}/around {name}", case.set.name),
             effect: Some((self.effect.name(), self.effect.range())),
-            noise: &case.noise.covariance,
-            correlation: &case.shape.correlation,
+            weights: Weights { noise: &case.noise.covariance, correlation: &case.shape.correlation },
             parameters: &parameters,
             starts: self.starts(case),
         };
@@ -172,18 +171,13 @@ impl Contender {
         JointFit { fit, u, strength, strength_sd }
     }
 
-    /// The optimum of the metamodels, whose error is taken at the optimum of a first pass, and the covariance behind it.
+    /// The optimum of the metamodels, and the covariance behind it.
     fn optimum(&self, case: &Case, surface: &Surface) -> Result<(GlsFit, DMatrix<f64>), StageError> {
         let noise = self.tie.as_ref().map_or(&case.noise.covariance, |tie| &tie.noise);
-        let best = |covariance: &DMatrix<f64>, starts: &[Vec<f64>]| {
-            fit::best(surface, &case.evidence, covariance, starts, |start| self.parameters(case, start))
-        };
-        let wider = |x: &DVector<f64>| noise + surface.uncertainty(x, &case.shape.correlation);
-        let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| wider(&tie.x));
-        let first = best(&typical, &self.starts(case))?;
-        let covariance = wider(&first.parameters);
-        let fit = best(&covariance, &[first.parameters.as_slice().to_vec()])?;
-        Ok((fit, covariance))
+        let weights = Weights { noise, correlation: &case.shape.correlation };
+        let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| weights.at(surface, &tie.x));
+        let parameters = |start: &[f64]| self.parameters(case, start);
+        fit::two_passes(surface, &case.evidence, weights, (&typical, &self.starts(case)), parameters)
     }
 
     /// The optimum of the plain model and the centre, with a few strengths on either side of zero.

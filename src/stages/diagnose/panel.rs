@@ -5,7 +5,7 @@
 //! new ones. Fits, residual, signatures, tests and verdict are those of the stage, anew for every data set.
 
 use super::anchors::Anchors;
-use super::fit::{self, Surface};
+use super::fit::{self, Surface, Weights};
 use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Moment, Moments};
@@ -96,13 +96,13 @@ impl<'a> Panel<'a> {
         let Some(evidence) = known.evidence.of(&self.kept, set) else { return Ok(None) };
         let shape = known.shape.restricted(&self.kept);
         let Some(noise) = evidence.noise(&known.before, &shape) else { return Ok(None) };
-        let error = |x| self.surface.uncertainty(x, &shape.correlation);
+        let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
         let start = [known.optimum.as_slice().to_vec()];
         let parameters = |start: &[f64]| fit::parameters(known.context.config, set, start);
-        let covariance = &noise.covariance + error(&known.optimum);
-        let fitted = fit::best(&self.surface, &evidence, &covariance, &start, parameters)?;
+        let first = weights.at(&self.surface, &known.optimum);
+        let fitted = fit::two_passes(&self.surface, &evidence, weights, (&first, &start), parameters)?.0;
         let trends = |i: usize| if evidence.statistics[i].moment == Moment::Trend { 0.0 } else { 1.0 };
-        let all = error(&fitted.parameters);
+        let all = self.surface.uncertainty(&fitted.parameters, &shape.correlation);
         let covariance = DMatrix::from_fn(all.nrows(), all.ncols(), |i, j| trends(i) * trends(j) * all[(i, j)]);
         let values = self.surface.predict(&fitted.parameters).0.as_slice().to_vec();
         Ok(Some(Case {

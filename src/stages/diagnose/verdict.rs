@@ -5,7 +5,7 @@ use super::before_after;
 use super::closer::{Look, Run, Seen};
 use super::direct;
 use super::evidence::{Evidence, Noise};
-use super::fit::{self, Slopes, Surface};
+use super::fit::{self, Slopes, Surface, Weights};
 use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Batch, Moment, Moments, Shape};
@@ -107,12 +107,30 @@ pub fn examine<'a>(
         .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
     loop {
         let candidates = contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
-        let attribution = attributed(&case, candidates.clone(), options(&case))?;
+        let mut attribution = attributed(&case, candidates.clone(), options(&case))?;
         match next_leader(&case, &attribution, &mut contenders) {
             Some(leader) => leader.tie(&case, lab)?,
-            None => return Ok(Ok(Examined { case, surface, contenders, candidates, attribution })),
+            None => {
+                contenders.iter().try_for_each(|contender| state_strength(&case, contender, &mut attribution))?;
+                return Ok(Ok(Examined { case, surface, contenders, candidates, attribution }));
+            }
         }
     }
+}
+
+/// States the strength of an effect as the fit of the model with it has it, where direct runs stand behind that fit: the
+/// attribution's own is that of a path around the optimum without the effect.
+fn state_strength(case: &Case, contender: &Contender, attribution: &mut Attribution) -> Result<(), StageError> {
+    let found = contender.fit(case)?.filter(|_| contender.is_tied());
+    if let Some(found) = found {
+        for effect in attribution.effects.iter_mut().filter(|effect| effect.name == contender.name()) {
+            (effect.strength, effect.strength_sd) = (found.strength, found.strength_sd);
+        }
+        for member in attribution.verdict.alone_mut().into_iter().filter(|member| member.name == contender.name()) {
+            (member.strength, member.sd) = (found.strength, found.strength_sd);
+        }
+    }
+    Ok(())
 }
 
 /// Evidence, optimum and runs of a data set; the inner error says why there can be none.
@@ -137,16 +155,17 @@ fn prepare<'a>(
     let near = [anchors.centre().clone()];
     let Some((shape, noise)) = evidence.scatter(&near) else { return Ok(Err(UNMEASURED.to_owned())) };
     let parameters = |start: &[f64]| fit::parameters(context.config, set, start);
-    let fit = fit::over_metamodels(&surface, &evidence, (&noise.covariance, &shape.correlation), parameters)?;
+    let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
+    let starts = fit::starts(context.config.parameters.len());
+    let fit = fit::two_passes(&surface, &evidence, weights, (&noise.covariance, &starts), parameters)?.0;
     let look = Look {
         context,
         evidence: &evidence,
         label: format!("{}/around", set.name),
         effect: None,
-        noise: &noise.covariance,
-        correlation: &shape.correlation,
+        weights,
         parameters: &parameters,
-        starts: fit::starts(context.config.parameters.len()),
+        starts,
     };
     // Where a verdict is to follow, runs around the optimum correct it.
     let Seen { surface, fit, runs } = match comparable(context, set) {

@@ -86,6 +86,15 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// The effects that each explain the residual alone.
+    pub fn alone_mut(&mut self) -> Vec<&mut Member> {
+        match self {
+            Self::Effect(member) => vec![member],
+            Self::Class { members, .. } => members.iter_mut().collect(),
+            _ => Vec::new(),
+        }
+    }
+
     /// Stable code.
     pub fn code(&self) -> &'static str {
         match self {
