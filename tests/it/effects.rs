@@ -231,7 +231,7 @@ fn a_study_declares_a_shift_a_scatter_or_a_drift_of_any_setting() {
     library.add(shift);
     assert!(library.find("drop").is_ok() && library.find("tilt").is_ok());
     let error = library.find("drip").err().map(|error| error.to_string()).unwrap_or_default();
-    assert!(error.contains("air_drag, drop"), "{error}");
+    assert!(error.contains("cohesion_dry_walls, drop"), "{error}");
 }
 
 /// Two grains that meet off centre in empty space keep their momentum with every effect on but drag, whose partner is

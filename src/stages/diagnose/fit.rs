@@ -209,7 +209,10 @@ impl Surface {
         let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
         let error = |((model, moment), trend): (&(usize, Moment), &Trend)| match moment {
             Moment::Mean => predictions[*model].epistemic_sd,
-            Moment::LnSd => predictions[*model].log_sd_error.hypot(self.lack[*model]),
+            Moment::LnSd => {
+                let (error, lack) = (predictions[*model].log_sd_error, self.lack[*model]);
+                (error * error + lack * lack).sqrt()
+            }
             Moment::Trend => self.strength(x.as_slice()).abs() * trend.sd(),
         };
         scaled(correlation, &self.rows.iter().zip(&self.trends).map(error).collect::<Vec<_>>())
@@ -354,6 +357,9 @@ const UNIFORM: f64 = 1.0 / 12.0;
 fn with_slope_errors(mut fit: GlsFit, slopes: &Slopes, covariance: &DMatrix<f64>, parameters: &[Parameter]) -> GlsFit {
     let Some(factor) = covariance.clone().cholesky() else { return fit };
     let free: Vec<usize> = (0..parameters.len()).filter(|i| fit.at_bound[*i].is_none()).collect();
+    if free.is_empty() {
+        return fit;
+    }
     let jacobian = slopes.jacobian.select_columns(&free);
     let mut information = jacobian.tr_mul(&factor.solve(&jacobian));
     for (place, i) in free.iter().enumerate() {
