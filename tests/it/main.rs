@@ -4,6 +4,7 @@ mod attribution;
 mod challenge;
 mod closed_loop;
 mod config;
+mod controls;
 mod diff;
 mod effects;
 mod experiments;
