@@ -45,8 +45,7 @@ fn the_measurement_proposed_for_a_class_separates_it() {
     assert_eq!((&*few.verdict, few.effects.split(',').count()), ("class", 2), "{few:?}");
     let advice = few.advice.split(": ").collect::<Vec<_>>();
     assert_eq!(advice[0], "measure ledge_mass (20 repetitions of ledge)", "{few:?}");
-    let leads: Vec<f64> =
-        advice[1].split(|c: char| c == ' ' || c == ';').filter_map(|word| word.parse().ok()).collect();
+    let leads: Vec<f64> = advice[1].split([' ', ';']).filter_map(|word| word.parse().ok()).collect();
     assert!(leads[0] < 3.0 && leads[1] > 5.0, "{few:?}");
     let more = verdict("more", &["kpi", "angle_of_movement", ",bulk_density,", "ledge_mass"]);
     assert_eq!((&*more.verdict, &*more.effects), ("effect", "density_bias"), "{more:?}");
