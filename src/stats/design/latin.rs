@@ -68,6 +68,17 @@ fn repulsion(squared: f64) -> f64 {
     eighth * eighth
 }
 
+/// Largest of numbers that are not negative, in lanes that the compiler makes vectors of.
+fn largest(values: &[f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let larger = |lane: &mut f64, value: f64| *lane = if value > *lane { value } else { *lane };
+    let (chunks, rest) = values.as_chunks();
+    chunks
+        .iter()
+        .for_each(|chunk: &[f64; 8]| lanes.iter_mut().zip(chunk).for_each(|(lane, value)| larger(lane, *value)));
+    lanes.into_iter().chain(rest.iter().copied()).fold(0.0, |most, value| if value > most { value } else { most })
+}
+
 struct Search {
     /// New points; the given ones follow them in every column.
     n: usize,
@@ -203,12 +214,8 @@ impl Search {
     /// Finds the pair of largest repulsion; with a given point, the new one stands for both.
     fn find_nearest(&mut self) {
         let width = self.width();
-        let (mut largest, mut place) = (0.0, 0);
-        for (index, &value) in self.pairs.iter().enumerate() {
-            if value > largest {
-                (largest, place) = (value, index);
-            }
-        }
+        let largest = largest(&self.pairs);
+        let place = self.pairs.iter().position(|value| *value == largest).unwrap_or_default();
         let (i, j) = (place / width, place % width);
         self.nearest = [i, if j < self.n { j } else { i }];
     }
