@@ -32,8 +32,9 @@ of the design (Binois et al. 2019). The rows go to stdout as CSV, those chosen b
 
 Costs come from the simulations timed so far: those of this plan, else all of the same experiment in this store; before
 the first one, a minute each is assumed and said.
-How many runs verify and validate need at most is known before their places are; of diagnose the anchors of all effects
-are counted, its runs at optima only when those are known.")]
+How many runs verify and validate need at most is known before their places are, and so it is of the whole design while
+bounds of the particle density are sought; of diagnose the anchors of all effects are counted, its runs at optima only
+when those are known.")]
 pub struct Arguments {
     /// Last stage; all stages when left out.
     stage: Option<String>,

@@ -102,6 +102,8 @@ fn a_measured_density_moves_the_bounds_and_all_below() {
     study.succeed(&["repro"]);
     assert_eq!(study.run(&["status"]).code, Some(0));
     let (first, outputs, runs) = (bounds(&study), study.outputs(), study.runs());
+    let report = std::fs::read_to_string(study.path("artifacts/report/report.md")).expect("a report");
+    assert!(report.contains("Bounds of the particle density by simulation"), "{report}");
     std::fs::remove_file(study.path("artifacts/tables/bounds/bounds.parquet")).expect("a table");
     let done = study.repro(&[]);
     assert_eq!(done["bounds"], "restored");
@@ -151,7 +153,6 @@ fn a_study_whose_bounds_cannot_be_found_says_so_before_anything_runs() {
         ["pipeline.toml:12: `parameters.particle_density`: ", "tells the density of the grains", "(lab)", remedy];
     refused(&study, &["repro"], &parts);
     refused(&study, &["plan"], &parts);
-    // Only prints, so the density may be given there.
     study.edit("lab.csv", "bulk_density,bulk_density,354,15,12,kg/m3\n", "");
     refused(&study, &["repro"], &["no measured data set holds a bulk density", remedy]);
     refused(&study, &["bounds", "--density", "2500"], &["no measured data set holds a bulk density", "--measured"]);
@@ -161,4 +162,9 @@ fn a_study_whose_bounds_cannot_be_found_says_so_before_anything_runs() {
     refused(&study, &["repro"], &["`experiments.fitted`: lacks bulk_density", remedy]);
     let hidden = ["challenge", "new", "--seed", "3", "--out", "blind"];
     refused(&with_density(SOUGHT), &hidden, &["still sought; run `granulake repro bounds`"]);
+
+    // The command only prints, so the density of the grains may be given there.
+    let study = with_density(SOUGHT);
+    study.edit("lab.csv", WEIGHED, "");
+    assert!(study.succeed(&["bounds", "--density", "2500"]).out.contains("particle density 2500.0 kg/m3"));
 }

@@ -79,6 +79,13 @@ fn largest(values: &[f64]) -> f64 {
     lanes.into_iter().chain(rest.iter().copied()).fold(0.0, |most, value| if value > most { value } else { most })
 }
 
+/// Sums of four rows of one length, each in its own order, side by side: one sum alone waits for every addition.
+fn sums(rows: [&[f64]; 4]) -> [f64; 4] {
+    let [a, b, c, d] = rows;
+    let columns = a.iter().zip(b).zip(c.iter().zip(d));
+    columns.fold([0.0; 4], |[w, x, y, z], ((a, b), (c, d))| [w + a, x + b, y + c, z + d])
+}
+
 struct Search {
     /// New points; the given ones follow them in every column.
     n: usize,
@@ -188,9 +195,10 @@ impl Search {
         // The distance between the two does not change and is left out on both sides.
         self.repulsions(0, i, [i, j], Some((d, self.columns[d][j])));
         self.repulsions(1, j, [i, j], Some((d, self.columns[d][i])));
-        let row_sum = |k: usize| self.pairs[k * width..(k + 1) * width].iter().sum::<f64>();
-        let before = row_sum(i) + row_sum(j) - 2.0 * self.pairs[i * width + j];
-        let after: f64 = self.trial.iter().map(|row| row.iter().sum::<f64>()).sum();
+        let row = |k: usize| &self.pairs[k * width..(k + 1) * width];
+        let [of_i, of_j, new_i, new_j] = sums([row(i), row(j), &self.trial[0], &self.trial[1]]);
+        let before = of_i + of_j - 2.0 * self.pairs[i * width + j];
+        let after = new_i + new_j;
         let energy = self.energy + after - before;
         let growth = libm::log(energy / self.energy) / POWER;
         if growth <= 0.0 || self.stream.uniform() < libm::exp(-growth / temperature) {
