@@ -37,6 +37,7 @@ pub fn check(value: &DeValue, kind: Kind, unit: &str, effects: &[&str]) -> Resul
         Kind::Effects => all_or(value, effects).map(Value::Words),
         Kind::ChoiceOrEffect(choices) => word(value, &[choices, effects].concat()).map(Value::Text),
         Kind::MeasuredSets => names_or_all(value).map(Value::Words),
+        Kind::OtherSets => different(list(value)?, set_name).map(Value::Words),
     }
 }
 
@@ -149,15 +150,24 @@ fn names_or_all(value: &DeValue) -> Result<Vec<String>, Complaint> {
     match value.as_str() {
         Some("all") => Ok(vec!["all".to_owned()]),
         Some(_) => Err(format!("{}; one name needs brackets too", expected("\"all\" or a list of names", value))),
-        None => different(items(value)?, |item| name(item, Kind::Measured)),
+        None => different(items(value)?, set_name),
     }
 }
 
+fn set_name(value: &DeValue) -> Result<String, Complaint> {
+    name(value, Kind::Measured)
+}
+
 fn items<'v, 'd>(value: &'v DeValue<'d>) -> Result<Vec<&'v DeValue<'d>>, Complaint> {
-    let array = value.as_array().ok_or_else(|| expected("a list in brackets", value))?;
-    if array.is_empty() {
+    let items = list(value)?;
+    if items.is_empty() {
         return Err("the list is empty; give at least one item, or leave the key out for the default".to_owned());
     }
+    Ok(items)
+}
+
+fn list<'v, 'd>(value: &'v DeValue<'d>) -> Result<Vec<&'v DeValue<'d>>, Complaint> {
+    let array = value.as_array().ok_or_else(|| expected("a list in brackets", value))?;
     Ok(array.iter().map(toml::Spanned::get_ref).collect())
 }
 

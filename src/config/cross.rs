@@ -155,6 +155,7 @@ impl Cross<'_> {
                 "no measured data; add a [[measured]] section with name, path and comparable".to_owned(),
             );
         }
+        sets.iter().for_each(|set| self.controls(set));
         let line = self.reading.values.line("diagnose.measured").unwrap_or(1);
         let chosen = self.reading.values.words("diagnose.measured").to_vec();
         if chosen == ["all"] {
@@ -163,6 +164,19 @@ impl Cross<'_> {
         }
         for name in chosen {
             self.known_set("diagnose.measured", &name);
+        }
+    }
+
+    /// Controls are other sets, and have none themselves: an offset is seen where nothing was taken off.
+    fn controls(&mut self, set: &str) {
+        let path = |set: &str| format!("measured.{set}.controls");
+        for control in self.reading.values.words(&path(set)).to_vec() {
+            self.known_set(&path(set), &control);
+            if control == set {
+                self.problem(&path(set), format!("`{set}` cannot be its own control; remove it"));
+            } else if self.sets().contains(&control) && !self.reading.values.words(&path(&control)).is_empty() {
+                self.problem(&path(set), format!("`{control}` has controls of its own; name those instead"));
+            }
         }
     }
 

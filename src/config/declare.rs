@@ -49,6 +49,8 @@ pub enum Kind {
     Measured,
     /// `"all"` or a non-empty list of different measured data sets.
     MeasuredSets,
+    /// A list, maybe empty, of different measured data sets.
+    OtherSets,
 }
 
 /// One key of a section.
@@ -236,6 +238,13 @@ const MEASURED: &[Key] = &[
         "whether the set-up resolves what was measured; if not, residuals are printed but not attributed",
     ),
     key("note", Kind::Text, "\"\"", "said beside the data in the report"),
+    key(
+        "controls",
+        Kind::OtherSets,
+        "[]",
+        "data sets of the same origin that are known to hold no effect: what the model misses there is its own offset, which \
+         is taken off before anything is attributed",
+    ),
 ];
 
 const PRIOR: &[Key] = &[

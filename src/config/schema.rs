@@ -103,6 +103,9 @@ fn of_kind(kind: Kind) -> Value {
         }
         Kind::Setting => json!({ "enum": number_settings() }),
         Kind::MeasuredSets => all_or(json!({ "type": "string", "pattern": NAME })),
+        Kind::OtherSets => {
+            json!({ "type": "array", "items": { "type": "string", "pattern": NAME }, "uniqueItems": true })
+        }
     }
 }
 

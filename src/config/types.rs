@@ -226,6 +226,8 @@ pub struct MeasuredSource {
     pub comparable: bool,
     /// Said beside the data in the report; empty where none was given.
     pub note: String,
+    /// Data sets known to hold no effect, at which the model's own offset is seen.
+    pub controls: Vec<String>,
 }
 
 /// A parameter that was measured by itself.
@@ -447,6 +449,7 @@ pub(super) fn measured(values: &Values, id: &str) -> MeasuredSource {
         path: PathBuf::from(values.text(&at("path"))),
         comparable: values.flag(&at("comparable")),
         note: values.text(&at("note")).to_owned(),
+        controls: values.words(&at("controls")).to_vec(),
     }
 }
 

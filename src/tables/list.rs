@@ -657,7 +657,7 @@ table! {
         kpi: String ["1"],
         /// mean or ln_sd.
         statistic: String ["1"],
-        /// Measured value of the statistic.
+        /// Measured value of the statistic, less the model's own offset where the data have controls.
         measured_value: f64 ["see unit"],
         /// Value of the calibrated model.
         model_value: f64 ["see unit"],
@@ -786,7 +786,7 @@ table! {
         statistic: String ["1"],
         /// The fit used this observable (true) or never saw it (false).
         fitted: bool ["1"],
-        /// Measured value.
+        /// Measured value, less the model's own offset where the data have controls.
         measured_value: f64 ["see unit"],
         /// Simulated value before.
         before: Option<f64> ["see unit"],

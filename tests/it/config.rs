@@ -385,6 +385,21 @@ fn mistakes_are_answered_with_line_reason_and_remedy() {
             plus("[[measured]]\nname = \"lab\"\npath = \"b.csv\"\ncomparable = true"),
             "pipeline.toml:11: a second [[measured]] for `lab`; give it another name",
         ),
+        (
+            instead("comparable = true", "comparable = true\ncontrols = [\"labb\"]"),
+            "pipeline.toml:11: `measured.lab.controls`: no [[measured]] is called `labb`; did you mean `lab`?",
+        ),
+        (
+            instead("comparable = true", "comparable = true\ncontrols = [\"lab\"]"),
+            "`measured.lab.controls`: `lab` cannot be its own control; remove it",
+        ),
+        (
+            plus(
+                "[[measured]]\nname = \"b\"\npath = \"b.csv\"\ncomparable = true\ncontrols = [\"c\"]\n\
+                 [[measured]]\nname = \"c\"\npath = \"c.csv\"\ncomparable = true\ncontrols = [\"lab\"]",
+            ),
+            "`measured.b.controls`: `c` has controls of its own; name those instead",
+        ),
         // Sections against each other.
         (
             instead("lower = 0.1", "lower = 0.9"),

@@ -5,6 +5,7 @@ mod bounds;
 mod challenge;
 mod closed_loop;
 mod config;
+mod controls;
 mod diff;
 mod effects;
 mod experiments;

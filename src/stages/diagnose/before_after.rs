@@ -2,9 +2,10 @@
 
 use super::Tables;
 use super::direct;
+use super::evidence::statistic;
 use super::joint::{Contender, JointFit};
 use super::lab::Lab;
-use super::moments::{Batch, Moment, Statistic};
+use super::moments::{Batch, Moment};
 use super::verdict::Case;
 use crate::config::MeasuredSummary;
 use crate::stages::StageError;
@@ -94,12 +95,9 @@ struct ErrorPercent {
 
 fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, runs: &Runs) -> BeforeAfterRow {
     let held_out = summary.experiment == case.context.config.validate.experiment.name();
-    let statistic = Statistic {
-        experiment: summary.experiment.to_owned(),
-        kpi: summary.kpi.to_owned(),
-        unit: summary.unit.to_owned(),
-        moment,
-    };
+    let statistic = statistic(summary, moment);
+    let (shift, unsure) = case.evidence.offset.as_ref().and_then(|offset| offset.one(&statistic)).unwrap_or_default();
+    let summary = &without(summary, moment, shift);
     let confidence = case.context.config.statistics.confidence;
     let found = |batches: &[Batch; 2]| {
         let values: Vec<f64> = batches[usize::from(held_out)].series(&statistic)?.values().copied().collect();
@@ -110,8 +108,8 @@ fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, runs: &Runs) -> B
         found.as_ref().and_then(|found| finite(if moment == Moment::Mean { found.mean } else { found.sd }))
     };
     let error = |found: &Option<Summary>| match found {
-        Some(found) if moment == Moment::Mean => mean_error(found, summary, confidence),
-        Some(found) => sd_error(found, summary, confidence),
+        Some(found) if moment == Moment::Mean => mean_error(found, (summary, unsure), confidence),
+        Some(found) => sd_error(found, (summary, unsure), confidence),
         None => ErrorPercent::default(),
     };
     let (first, second) = (error(&before), error(&after));
@@ -134,9 +132,17 @@ fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, runs: &Runs) -> B
     }
 }
 
-/// Error of a mean with Welch's interval. Where the measured mean does not stand out of the scatter, as for a
+/// What was measured less the model's own offset: a mean loses it, a standard deviation is divided by its exponential.
+fn without(summary: &MeasuredSummary, moment: Moment, offset: f64) -> MeasuredSummary {
+    match moment {
+        Moment::LnSd => MeasuredSummary { sd: summary.sd * libm::exp(-offset), ..summary.clone() },
+        Moment::Mean | Moment::Trend => MeasuredSummary { mean: summary.mean - offset, ..summary.clone() },
+    }
+}
+
+/// Error of a mean with Welch's interval, widened by the variance of the offset. Where the measured mean does not stand out of the scatter, as for a
 /// left-minus-right difference, a percentage of it means nothing and is left out.
-fn mean_error(found: &Summary, measured: &MeasuredSummary, confidence: f64) -> ErrorPercent {
+fn mean_error(found: &Summary, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> ErrorPercent {
     if measured.mean.abs() < measured.sd {
         return ErrorPercent::default();
     }
@@ -144,22 +150,22 @@ fn mean_error(found: &Summary, measured: &MeasuredSummary, confidence: f64) -> E
     let (simulated, real) = (found.sd * found.sd / n, measured.sd * measured.sd / m);
     let variance = simulated + real;
     let dof = variance * variance / (simulated * simulated / (n - 1.0) + real * real / (m - 1.0));
-    let half = student_t_quantile(0.5 + 0.5 * confidence, dof) * variance.sqrt();
+    let half = student_t_quantile(0.5 + 0.5 * confidence, dof) * (variance + unsure).sqrt();
     let percent = |difference: f64| finite(100.0 * difference / measured.mean.abs());
     let difference = found.mean - measured.mean;
     ErrorPercent { value: percent(difference), lower: percent(difference - half), upper: percent(difference + half) }
 }
 
-/// Error of a standard deviation, with the interval of the difference of two bias-corrected ln s.
-fn sd_error(found: &Summary, measured: &MeasuredSummary, confidence: f64) -> ErrorPercent {
+/// Error of a standard deviation, with the interval of the difference of two bias-corrected ln s, widened in the same way.
+fn sd_error(found: &Summary, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> ErrorPercent {
     let usable = found.n >= 2 && measured.n >= 2 && found.sd > 0.0 && measured.sd > 0.0;
     if !usable {
         return ErrorPercent::default();
     }
     let (simulated, real) = (ln_sd(found.sd, found.n), ln_sd(measured.sd, measured.n as usize));
     let spread = |n: f64| 0.25 * trigamma(0.5 * (n - 1.0));
-    let half =
-        normal_quantile(0.5 + 0.5 * confidence) * (spread(found.n as f64) + spread(f64::from(measured.n))).sqrt();
+    let variance = spread(found.n as f64) + spread(f64::from(measured.n)) + unsure;
+    let half = normal_quantile(0.5 + 0.5 * confidence) * variance.sqrt();
     let percent = |difference: f64| finite(100.0 * (libm::exp(difference) - 1.0));
     let difference = simulated.value - real.value;
     ErrorPercent { value: percent(difference), lower: percent(difference - half), upper: percent(difference + half) }

@@ -1,5 +1,6 @@
 //! The evidence: which measured statistics are compared, their values, and how well they are known.
 
+use super::controls::Offset;
 use super::moments::{Batch, Moment, Shape, Statistic, line};
 use crate::config::{Config, Measured, MeasuredSummary};
 use crate::stats::special::beta_i;
@@ -16,7 +17,7 @@ const OWN_SHARE: f64 = 0.01;
 pub struct Evidence {
     /// What is compared.
     pub statistics: Vec<Statistic>,
-    /// Measured values (n_statistics).
+    /// Measured values (n_statistics), less the model's own offset where there are controls.
     pub values: DVector<f64>,
     /// Measured repetitions behind each statistic.
     pub counts: Vec<usize>,
@@ -24,6 +25,8 @@ pub struct Evidence {
     sds: Vec<f64>,
     /// What a variance of one value is divided by: the number of values, or the lever of a trend.
     divisors: Vec<f64>,
+    /// What was taken off.
+    pub offset: Option<Offset>,
 }
 
 /// Covariance of measured statistics, and which share of each variance rests on few repetitions.
@@ -77,12 +80,30 @@ impl Evidence {
             let summary = summaries.iter().find(|summary| summary.kpi == statistic.kpi && summary.sd > 0.0)?;
             evidence.add(statistic.clone(), (measured, summary));
         }
-        (evidence.statistics.len() == kept.len()).then_some(evidence)
+        (evidence.statistics.len() == kept.len()).then(|| evidence.less(self.offset.as_ref()))
+    }
+
+    /// The same less an offset; statistics for which it is not known are no evidence.
+    #[must_use]
+    pub fn less(self, offset: Option<&Offset>) -> Self {
+        let Some(offset) = offset else { return self };
+        let mut evidence = Self::empty();
+        for (i, statistic) in self.statistics.into_iter().enumerate() {
+            if let Some((shift, _)) = offset.one(&statistic) {
+                evidence.statistics.push(statistic);
+                evidence.values = evidence.values.push(self.values[i] - shift);
+                evidence.counts.push(self.counts[i]);
+                evidence.sds.push(self.sds[i]);
+                evidence.divisors.push(self.divisors[i]);
+            }
+        }
+        Self { offset: Some(offset.clone()), ..evidence }
     }
 
     fn empty() -> Self {
         let values = DVector::zeros(0);
-        Self { statistics: Vec::new(), values, counts: Vec::new(), sds: Vec::new(), divisors: Vec::new() }
+        let (statistics, counts) = (Vec::new(), Vec::new());
+        Self { statistics, values, counts, sds: Vec::new(), divisors: Vec::new(), offset: None }
     }
 
     fn add_if_own(&mut self, statistic: Statistic, from: (&Measured, &MeasuredSummary), simulated: &Batch) {
@@ -128,7 +149,7 @@ impl Evidence {
 
     /// Covariance of the measured values. Correlations and tails are those of the simulated repetitions, `shape`.
     /// Variances of the means are pooled with the simulated scatter where both agree (F-test at 1 %), else measured; those
-    /// of ln s follow from the number of repetitions and the tails.
+    /// of ln s follow from the number of repetitions and the tails. That of an offset is added.
     pub fn noise(&self, simulated: &Batch, shape: &Shape) -> Option<Noise> {
         let moments = simulated.moments(&self.statistics, shape)?;
         let mut variances = Vec::new();
@@ -151,7 +172,14 @@ impl Evidence {
             variances.push((share * measured + (1.0 - share) * simulated) / self.divisors[index]);
             measured_share.push(share);
         }
-        Some(Noise { covariance: shape.covariance(&variances), measured_share })
+        let mut covariance = shape.covariance(&variances);
+        if let Some((_, unsure)) = self.offset.as_ref().and_then(|offset| offset.restricted(&self.statistics)) {
+            covariance += unsure;
+            for (i, share) in measured_share.iter_mut().enumerate() {
+                *share *= variances[i] / covariance[(i, i)];
+            }
+        }
+        Some(Noise { covariance, measured_share })
     }
 }
 
@@ -166,7 +194,8 @@ fn is_kpi(config: &Config, name: &str) -> bool {
     observables.any(|observable| observable.name == name && observable.is_kpi)
 }
 
-fn statistic(summary: &MeasuredSummary, moment: Moment) -> Statistic {
+/// A moment of a measured observable.
+pub fn statistic(summary: &MeasuredSummary, moment: Moment) -> Statistic {
     Statistic {
         experiment: summary.experiment.to_owned(),
         kpi: summary.kpi.to_owned(),

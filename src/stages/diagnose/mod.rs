@@ -4,13 +4,14 @@
 //! measured data set: all statistics are fitted at once over metamodels (`fit`), and the optimum is simulated directly
 //! (`direct`); metamodels over parameters and strength give the signature of every candidate, and those that may be
 //! named are simulated directly at their own optimum first (`joint`); the residual is attributed
-//! ([`crate::stats::attribution`]). An effect that is accepted is switched on, its strength calibrated together with
+//! ([`crate::stats::attribution`]), less the model's own offset where the data have `controls`. An effect that is accepted is switched on, its strength calibrated together with
 //! the parameters, and both models are simulated anew (`before_after`). The held-out experiment enters nothing of this
 //! but the last comparison.
 
 mod anchors;
 mod before_after;
 mod closer;
+mod controls;
 mod direct;
 mod evidence;
 mod fit;
@@ -33,12 +34,15 @@ use crate::tables::list::{
     RecalibrationRow, ResidualRow, SampleRow, SignatureRow, VerdictRow,
 };
 use anchors::Anchors;
+use controls::{Control, Offset};
 use lab::Lab;
+use std::collections::BTreeMap;
+use verdict::{Prepared, prepare};
 
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 4,
+    version: 5,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
@@ -80,6 +84,9 @@ fn settings(config: &Config) -> SettingsText {
     let comparable = config.measured.iter().map(|set| format!("measured.{}.comparable", set.name));
     settings
         .extend(config.settings_text(&comparable.collect::<Vec<_>>().iter().map(String::as_str).collect::<Vec<_>>()));
+    for set in config.measured.iter().filter(|set| !set.controls.is_empty()) {
+        settings.extend(text([(&*format!("measured.{}.controls", set.name), set.controls.join(", "))]));
+    }
     settings
 }
 
@@ -100,8 +107,22 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
     let mut lab = Lab::new(context);
     let anchors = Anchors::simulate(context, &mut lab)?;
     let mut tables = Tables::default();
+    let mut ready: BTreeMap<&str, Prepared> = BTreeMap::new();
+    let mut controls: BTreeMap<&str, Control> = BTreeMap::new();
+    for set in controlling(context) {
+        let prepared = prepare(context, &models, &anchors, &mut lab, set, None)?;
+        if let Ok((case, _)) = &prepared {
+            controls.insert(&set.name, Control::new(case, &mut lab)?);
+        }
+        ready.insert(&set.name, prepared);
+    }
     for set in diagnosed(context) {
-        verdict::diagnose(context, &models, &anchors, &mut lab, set, &mut tables)?;
+        let prepared = match (ready.remove(&*set.name), offset(context, set, &controls)) {
+            (Some(prepared), _) => prepared,
+            (None, Ok(offset)) => prepare(context, &models, &anchors, &mut lab, set, offset.as_ref())?,
+            (None, Err(why)) => Err(why),
+        };
+        verdict::diagnose(&models, &anchors, &mut lab, (set, prepared), &mut tables)?;
     }
     let mut outputs = Outputs::default();
     outputs.table_as(&DIAGNOSE_RUNS, lab.runs)?;
@@ -119,6 +140,27 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
 /// The anchors; how many runs at the optima follow, nobody knows before they are diagnosed.
 fn demand(context: &Context) -> Result<Demand, StageError> {
     Ok(Demand::within_bounds(context.config, anchors::requests(context)?))
+}
+
+/// Names of the controls of a set.
+fn controls_of<'a>(context: &Context<'a>, set: &Measured) -> &'a [String] {
+    let source = context.config.measured.iter().find(|source| source.name == set.name);
+    source.map_or(&[], |source| &source.controls)
+}
+
+/// The sets that are controls of one to be diagnosed.
+fn controlling<'a>(context: &Context<'a>) -> impl Iterator<Item = &'a Measured> {
+    let wanted: Vec<&String> = diagnosed(context).flat_map(|set| controls_of(context, set)).collect();
+    context.measured.iter().filter(move |set| wanted.contains(&&set.name))
+}
+
+/// What the controls of a set say; the error names a control that says nothing.
+fn offset(context: &Context, set: &Measured, seen: &BTreeMap<&str, Control>) -> Result<Option<Offset>, String> {
+    let control = |name: &String| {
+        seen.get(name.as_str()).ok_or_else(|| format!("the control `{name}` allows no comparison of its own"))
+    };
+    let controls = controls_of(context, set).iter().map(control).collect::<Result<Vec<_>, _>>()?;
+    Ok(Offset::of(&controls))
 }
 
 fn diagnosed<'a>(context: &Context<'a>) -> impl Iterator<Item = &'a Measured> {

@@ -10,7 +10,7 @@ use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Moment, Moments};
 use super::rows;
-use super::verdict::{Case, Examined, at_bound, attributed, examine, options};
+use super::verdict::{Case, Examined, at_bound, attributed, examine, options, prepare};
 use crate::config::Measured;
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
@@ -39,10 +39,11 @@ impl<'a> Panel<'a> {
         let models = Models::read(context)?;
         let mut lab = Lab::new(context);
         let anchors = Anchors::simulate(context, &mut lab)?;
-        let mut examined = match examine(context, &models, &anchors, &mut lab, reference)? {
-            Ok(examined) => examined,
+        let prepared = match prepare(context, &models, &anchors, &mut lab, reference, None)? {
+            Ok(prepared) => prepared,
             Err(why) => return Ok(Err(why)),
         };
+        let mut examined = examine(&models, &anchors, &mut lab, prepared)?;
         // Another data set may lead to any candidate, so all of them stand on runs, as far as they have a strength.
         for contender in examined.contenders.iter_mut().filter(|contender| !contender.was_run()) {
             contender.tie(&examined.case, &mut lab)?;

@@ -1,6 +1,7 @@
 //! Rows of a finished attribution.
 
 use super::Tables;
+use super::controls::Offset;
 use super::joint::Contender;
 use super::moments::{Moment, Statistic};
 use super::verdict::Case;
@@ -214,7 +215,7 @@ fn verdict(case: &Case, attribution: &Attribution) -> VerdictRow {
         dof: attribution.evidence as u32,
         p: attribution.t0_p,
         direction: direction(attribution),
-        advice: advice(attribution, case.context.config.diagnose.thresholds.separation),
+        advice: advice(case, attribution),
     }
 }
 
@@ -237,7 +238,8 @@ fn near_rival(attribution: &Attribution, named: &str, due: f64) -> Option<String
     })
 }
 
-fn advice(attribution: &Attribution, due: f64) -> String {
+fn advice(case: &Case, attribution: &Attribution) -> String {
+    let due = case.context.config.diagnose.thresholds.separation;
     let next = match &attribution.verdict {
         Verdict::Effect(named) => near_rival(attribution, &named.name, due).unwrap_or_default(),
         Verdict::Class { measure: Some(name), .. } => format!("measure {name}"),
@@ -249,6 +251,7 @@ fn advice(attribution: &Attribution, due: f64) -> String {
         }
         _ => String::new(),
     };
-    let notes = attribution.notes.iter().cloned();
+    let offset = case.evidence.offset.as_ref().map(Offset::sentence);
+    let notes = attribution.notes.iter().cloned().chain(offset);
     std::iter::once(next).chain(notes).filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ")
 }

@@ -3,6 +3,7 @@
 use super::anchors::Anchors;
 use super::before_after;
 use super::closer::{Look, Run, Seen};
+use super::controls::Offset;
 use super::direct;
 use super::evidence::{Evidence, Noise};
 use super::fit::{self, Slopes, Surface, Weights};
@@ -10,7 +11,7 @@ use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Batch, Moment, Moments, Shape};
 use super::{Tables, rows};
-use crate::config::{Accept, Measured, Resolution};
+use crate::config::{Accept, Measured, MeasuredSource, Resolution};
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{Attribution, Candidate, Options, Problem, Row, RowKind, Verdict, attribute};
@@ -66,43 +67,41 @@ pub struct Examined<'a> {
     pub attribution: Attribution,
 }
 
+/// A fitted data set with the metamodels it was fitted by, or why there can be no comparison.
+pub type Prepared<'a> = Result<(Case<'a>, Surface), String>;
+
 /// Diagnoses one data set and adds its rows.
 pub fn diagnose(
-    context: &Context,
     models: &Models,
     anchors: &Anchors,
     lab: &mut Lab,
-    set: &Measured,
+    (set, prepared): (&Measured, Prepared),
     tables: &mut Tables,
 ) -> Result<(), StageError> {
-    let Examined { case, contenders, candidates, attribution, .. } = match examine(context, models, anchors, lab, set)?
-    {
-        Ok(examined) => examined,
+    let prepared = match prepared {
+        Ok(prepared) => prepared,
         Err(why) => {
             tables.verdicts.push(rows::no_verdict(&set.name, why));
             return Ok(());
         }
     };
+    let Examined { case, contenders, candidates, attribution, .. } = examine(models, anchors, lab, prepared)?;
     rows::write(&case, &contenders, &candidates, &attribution, tables);
     let accepted = accepted(&case, &attribution);
     let added = accepted.and_then(|name| contenders.iter().find(|contender| contender.name() == name));
     before_after::compare(&case, lab, added, tables)
 }
 
-/// Fits, runs and attributes one data set; the inner error says why there can be no attribution.
+/// Runs the candidates of a fitted data set and attributes its residual.
 pub fn examine<'a>(
-    context: &'a Context<'a>,
     models: &Models,
     anchors: &Anchors,
     lab: &mut Lab,
-    set: &'a Measured,
-) -> Result<Result<Examined<'a>, String>, StageError> {
-    let (case, surface) = match prepare(context, models, anchors, lab, set)? {
-        Ok(prepared) => prepared,
-        Err(why) => return Ok(Err(why)),
-    };
-    let names = &context.config.diagnose.candidates;
-    let mut contenders: Vec<Contender> = context
+    (case, surface): (Case<'a>, Surface),
+) -> Result<Examined<'a>, StageError> {
+    let names = &case.context.config.diagnose.candidates;
+    let mut contenders: Vec<Contender> = case
+        .context
         .campaign
         .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
     loop {
@@ -112,7 +111,7 @@ pub fn examine<'a>(
             Some(leader) => leader.tie(&case, lab)?,
             None => {
                 contenders.iter().try_for_each(|contender| state_strength(&case, contender, &mut attribution))?;
-                return Ok(Ok(Examined { case, surface, contenders, candidates, attribution }));
+                return Ok(Examined { case, surface, contenders, candidates, attribution });
             }
         }
     }
@@ -133,15 +132,16 @@ fn state_strength(case: &Case, contender: &Contender, attribution: &mut Attribut
     Ok(())
 }
 
-/// Evidence, optimum and runs of a data set; the inner error says why there can be none.
-fn prepare<'a>(
+/// Evidence, optimum and runs of a data set less the model's own `offset`.
+pub fn prepare<'a>(
     context: &'a Context<'a>,
     models: &Models,
     anchors: &Anchors,
     lab: &mut Lab,
     set: &'a Measured,
-) -> Result<Result<(Case<'a>, Surface), String>, StageError> {
-    let evidence = Evidence::new(context.config, set, anchors.centre());
+    offset: Option<&Offset>,
+) -> Result<Prepared<'a>, StageError> {
+    let evidence = Evidence::new(context.config, set, anchors.centre()).less(offset);
     if evidence.statistics.len() <= context.config.parameters.len() {
         return Ok(Err(format!(
             "only {} statistics are comparable, {} parameters are fitted: measure more observables",
@@ -167,8 +167,8 @@ fn prepare<'a>(
         parameters: &parameters,
         starts,
     };
-    // Where a verdict is to follow, runs around the optimum correct it.
-    let Seen { surface, fit, runs } = match comparable(context, set) {
+    // Where a verdict is to follow, here or for another set, runs around the optimum correct it.
+    let Seen { surface, fit, runs } = match comparable(context, set) || is_control(context, set) {
         true => look.settle(lab, surface, fit)?,
         false => Seen { surface, fit, runs: Vec::new() },
     };
@@ -250,9 +250,15 @@ impl Case<'_> {
     }
 }
 
-/// Whether the study says that its set-up resolves the data.
+/// Whether the study says that its set-up resolves the data, or that its offset is known.
 fn comparable(context: &Context, set: &Measured) -> bool {
-    context.config.measured.iter().any(|source| source.name == set.name && source.comparable)
+    let resolved = |source: &MeasuredSource| source.comparable || !source.controls.is_empty();
+    context.config.measured.iter().any(|source| source.name == set.name && resolved(source))
+}
+
+/// Whether the offset of another set is seen in this one.
+fn is_control(context: &Context, set: &Measured) -> bool {
+    context.config.measured.iter().any(|source| source.controls.contains(&set.name))
 }
 
 /// What the attribution finds in a case.
