@@ -132,8 +132,13 @@ impl Hidden<'_> {
         let all: Vec<u32> = (1..=REFERENCE).collect();
         let reference =
             data(&first, &|_| all.clone(), density, &mut Stream::new(SEEDS[1], &self.key(&missing[0], plan)));
-        let source =
-            MeasuredSource { name: NAME.to_owned(), path: PathBuf::new(), comparable: true, note: String::new(), controls: Vec::new() };
+        let source = MeasuredSource {
+            name: NAME.to_owned(),
+            path: PathBuf::new(),
+            comparable: true,
+            note: String::new(),
+            controls: Vec::new(),
+        };
         let config = study.config.with_only(source, None);
         let sets = [reference];
         let context = Context::new(&config, &sets, campaign, study.store().root());

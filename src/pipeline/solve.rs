@@ -24,7 +24,8 @@ pub fn solve(
     without: Option<&str>,
 ) -> Result<Vec<(String, Vec<u8>)>, PipelineError> {
     let path = std::path::absolute(measured).unwrap_or_else(|_| measured.to_owned());
-    let source = MeasuredSource { name: NAME.to_owned(), path, comparable: true, note: String::new(), controls: Vec::new() };
+    let source =
+        MeasuredSource { name: NAME.to_owned(), path, comparable: true, note: String::new(), controls: Vec::new() };
     let config = study.config.with_only(source, without);
     let data = config.read_measured().map_err(crate::config::ConfigError::from)?;
     let context = Context::new(&config, &data, campaign, study.store().root());

@@ -27,9 +27,12 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
         name: name.into(),
         unit: "1".into(),
         range,
-        signatures: vec![Signature { strength: if range.1 > 0.0 { range.1 } else { range.0 }, per_unit: signature }],
+        signatures: vec![Signature {
+            strength: if range.1 > 0.0 { range.1 } else { range.0 },
+            per_unit: signature,
+            shift: DVector::zeros(3),
+        }],
         covariance: DMatrix::zeros(m, m),
-        shift: DVector::zeros(3),
         testable: Ok(()),
         absent: false,
     }
@@ -414,7 +417,7 @@ fn a_bent_signature_is_judged_at_the_fitted_strength() {
     let late = direction(&mut Stream::new(17, "late"), M);
     let local = planted(&problem, 0, 1.0);
     let secant = |strength: f64| &local * (1.0 - 0.05 * strength) + &late * (0.06 * strength);
-    let node = |strength| Signature { strength, per_unit: secant(strength) };
+    let node = |strength| Signature { strength, per_unit: secant(strength), shift: DVector::zeros(3) };
     problem.candidates[0].signatures = vec![node(1.0), node(4.0), node(9.0)];
     let shift = secant(7.0) * 7.0;
     let bent = count(&problem, &shift, 100, 17, |verdict| is_named(verdict, "cohesion"));
@@ -502,7 +505,7 @@ fn a_parameter_on_its_bound_is_refitted_within_it() {
         parameters: problem.parameters[1..].to_vec(),
         ..problem.clone()
     };
-    fixed.candidates.iter_mut().for_each(|candidate| candidate.shift = DVector::zeros(2));
+    fixed.candidates.iter_mut().for_each(|candidate| candidate.signatures[0].shift = DVector::zeros(2));
     assert!(outwards > 50.0 && (outwards - t0(&fixed)).abs() < 1e-9 * outwards, "outwards is held: {outwards}");
     // With the effect in, the parameter may be free again: the best of both refits is taken.
     problem.residual = noise(&problem, &mut stream) + planted(&problem, 2, 6.0) + problem.jacobian.column(0) * 0.2;
@@ -625,7 +628,7 @@ fn a_signature_taken_at_the_move_is_free_of_the_sensitivities_errors() {
             problem.jacobian += problem.covariance.clone().cholesky().expect("positive definite").l() * error;
             let told = if there { &signature - (&problem.jacobian - &truth) * &moves } else { signature.clone() };
             problem.candidates[0].signatures[0].per_unit = told;
-            problem.candidates[0].shift = if there { moves.clone() } else { DVector::zeros(3) };
+            problem.candidates[0].signatures[0].shift = if there { moves.clone() } else { DVector::zeros(3) };
             let effect = attribute(&problem, &quick(28)).expect("a valid problem").effects[0].clone();
             hits += usize::from(effect.accepted && (effect.strength - 3.0).abs() < 3.0 * effect.strength_sd);
             sd += effect.strength_sd / 200.0;

@@ -62,10 +62,16 @@ fn what_the_model_misses_of_its_controls_is_taken_off() {
         let row = residuals.iter().find(is_it).expect("a row");
         (row.measured_value, row.standard_error)
     };
-    assert!(error("less").0 > 1.03 * error("bare").0, "corrected for the missing {:?} {:?}", error("less"), error("bare"));
+    assert!(
+        error("less").0 > 1.03 * error("bare").0,
+        "corrected for the missing {:?} {:?}",
+        error("less"),
+        error("bare")
+    );
     assert!(error("less").1 > error("bare").1, "the offset is not known exactly");
     let compared: Vec<BeforeAfterRow> = table::read(&study.path("artifacts"), BeforeAfterRow::SPEC).expect("a table");
-    let row = compared.iter().find(|row| row.measured == "sized" && row.kpi == "bulk_density" && row.statistic == "mean");
+    let row =
+        compared.iter().find(|row| row.measured == "sized" && row.kpi == "bulk_density" && row.statistic == "mean");
     let row = row.expect("a row");
     let (lower, upper) = (row.after_lower_percent.expect("a limit"), row.after_upper_percent.expect("a limit"));
     assert!(lower < 0.0 && 0.0 < upper, "{row:?}");

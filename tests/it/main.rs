@@ -23,6 +23,7 @@ mod oracles_gp;
 mod oracles_statistics;
 mod physics;
 mod pipeline;
+mod proposals;
 mod provenance;
 mod report;
 mod schemas;

@@ -44,7 +44,7 @@ pub struct Offset {
 impl Control {
     /// What is left of a calibrated control; of the held-out experiment too, where the control measured it.
     pub fn new(case: &Case, lab: &mut Lab) -> Result<Self, StageError> {
-        let p = attributed(case, Vec::new(), options(case))?.t0_p;
+        let p = attributed(case, Vec::new(), Vec::new(), options(case))?.t0_p;
         let mut control = Self {
             name: case.set.name.clone(),
             statistics: case.evidence.statistics.clone(),
@@ -66,7 +66,8 @@ impl Control {
         for summary in set.statistics().iter().filter(|summary| summary.experiment == experiment) {
             for moment in [Moment::Mean, Moment::LnSd] {
                 let statistic = statistic(summary, moment);
-                let values: Vec<f64> = runs.series(&statistic).map(|s| s.values().copied().collect()).unwrap_or_default();
+                let values: Vec<f64> =
+                    runs.series(&statistic).map(|s| s.values().copied().collect()).unwrap_or_default();
                 if values.len() >= 2 && sd(&values) > 0.0 && summary.sd > 0.0 {
                     let measured = known(moment, summary.mean, summary.sd, summary.n as usize);
                     let simulated = known(moment, mean(&values), sd(&values), values.len());

@@ -242,14 +242,15 @@ impl Contender {
     /// What the attribution judges.
     pub fn candidate(&self, case: &Case) -> Result<Candidate, StageError> {
         let (m, p) = (case.model.values.len(), case.optimum.len());
+        // A placeholder keeps an effect without a model in the list, where it is reported as not testable.
+        let strength = self.nodes(&[1.0])[0];
+        let nothing = Signature { strength, per_unit: DVector::zeros(m), shift: DVector::zeros(p) };
         let mut candidate = Candidate {
             name: self.name().to_owned(),
             unit: self.unit().to_owned(),
             range: self.effect.range(),
-            // A placeholder keeps an effect without a model in the list, where it is reported as not testable.
-            signatures: vec![Signature { strength: self.nodes(&[1.0])[0], per_unit: DVector::zeros(m) }],
+            signatures: vec![nothing],
             covariance: DMatrix::zeros(m, m),
-            shift: DVector::zeros(p),
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
             absent: false,
         };
@@ -269,7 +270,7 @@ impl Contender {
         let tied = self.is_tied() && !candidate.absent;
         let path = Path { contender: self, case, surface, tied };
         candidate.signatures = path.signatures(&found)?;
-        (candidate.covariance, candidate.shift) = path.error(&found);
+        candidate.covariance = path.error(&found);
         Ok(candidate)
     }
 }
@@ -301,8 +302,9 @@ impl Path<'_> {
         let u = if is_fitted { found.u.clone() } else { self.parameters_at(strength, found)? };
         let change =
             self.surface.predict(&self.at(&u, strength)).0 - DVector::from_column_slice(&self.case.model.values);
-        let per_unit = (change - &self.case.slopes.jacobian * (&u - &self.case.optimum)) / strength;
-        Ok(Signature { strength, per_unit })
+        let shift = (&u - &self.case.optimum) / strength;
+        let per_unit = change / strength - &self.case.slopes.jacobian * &shift;
+        Ok(Signature { strength, per_unit, shift })
     }
 
     fn at(&self, u: &DVector<f64>, strength: f64) -> DVector<f64> {
@@ -319,21 +321,21 @@ impl Path<'_> {
         Ok(fit::gls(model, &self.case.evidence.values, &self.case.covariance(), &start)?.parameters)
     }
 
-    /// Covariance of a signature's error per unit of strength, and the move per unit at which it was taken.
+    /// Covariance of a signature's error per unit of strength.
     ///
     /// Direct runs make the model as good at the tie as it is at the optimum without the effect, whose error the
     /// residual has already; of metamodels alone both errors count.
-    fn error(&self, found: &JointFit) -> (DMatrix<f64>, DVector<f64>) {
+    fn error(&self, found: &JointFit) -> DMatrix<f64> {
         let (lower, upper) = self.contender.effect.range();
         let m = self.case.model.values.len();
         if self.tied {
-            return (DMatrix::zeros(m, m), (&found.u - &self.case.optimum) / found.strength);
+            return DMatrix::zeros(m, m);
         }
         let half = if upper > 0.0 { 0.5 * upper } else { 0.5 * lower };
         let known = found.strength.abs() >= LEAST_UNTIED * half.abs();
         let (u, strength) = if known { (&found.u, found.strength) } else { (&self.case.optimum, half) };
         let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.shape.correlation);
         let both = error(&self.at(u, strength)) + error(&self.at(&self.case.optimum, 0.0));
-        (both / (strength * strength), (u - &self.case.optimum) / strength)
+        both / (strength * strength)
     }
 }

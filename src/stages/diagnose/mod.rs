@@ -19,6 +19,7 @@ mod joint;
 mod lab;
 mod moments;
 mod panel;
+mod proposals;
 mod rows;
 mod verdict;
 

@@ -87,7 +87,7 @@ impl<'a> Panel<'a> {
         let Some(case) = self.case(set, without)? else { return Ok(None) };
         let candidates = self.contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
         let options = Options { power_draws: limits, ..options(&case) };
-        let attribution: Attribution = attributed(&case, candidates, options)?;
+        let attribution: Attribution = attributed(&case, candidates, Vec::new(), options)?;
         Ok(Some(rows::of(&case, &attribution)))
     }
 

@@ -5,7 +5,7 @@ use super::controls::Offset;
 use super::joint::Contender;
 use super::moments::{Moment, Statistic};
 use super::verdict::Case;
-use crate::stats::attribution::{Attribution, Candidate, EffectReport, Signature, Status, Verdict};
+use crate::stats::attribution::{Attribution, Candidate, EffectReport, Separation, Signature, Status, Verdict};
 use crate::tables::list::{AttributionRow, ConfusionRow, ResidualRow, SignatureRow, VerdictRow};
 
 /// Size aη at which an effect is usually detected.
@@ -238,11 +238,22 @@ fn near_rival(attribution: &Attribution, named: &str, due: f64) -> Option<String
     })
 }
 
+/// What a proposed measurement is expected to add for the two members of a class that are hardest to tell apart.
+fn worth(attribution: &Attribution, name: &str) -> String {
+    let least = |values: Vec<f64>| values.into_iter().fold(f64::INFINITY, f64::min);
+    let now = least(attribution.separations.iter().map(|pair| pair.expected).collect());
+    let with = |pair: &Separation| pair.with_proposal.iter().find(|(known, _)| known == name).map_or(0.0, |(_, e)| *e);
+    let then = least(attribution.separations.iter().map(with).collect());
+    format!(
+        "measure {name}: the expected lead of the true effect over its nearest rival, as ln likelihood, goes from {now:.1} to {then:.1}"
+    )
+}
+
 fn advice(case: &Case, attribution: &Attribution) -> String {
     let due = case.context.config.diagnose.thresholds.separation;
     let next = match &attribution.verdict {
         Verdict::Effect(named) => near_rival(attribution, &named.name, due).unwrap_or_default(),
-        Verdict::Class { measure: Some(name), .. } => format!("measure {name}"),
+        Verdict::Class { measure: Some(name), .. } => worth(attribution, name),
         Verdict::Class { measure: None, .. } => {
             "measure more observables of the same tests, or add repetitions, to separate the class".to_owned()
         }

@@ -10,11 +10,11 @@ use super::fit::{self, Slopes, Surface, Weights};
 use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Batch, Moment, Moments, Shape};
-use super::{Tables, rows};
+use super::{Tables, proposals, rows};
 use crate::config::{Accept, Measured, MeasuredSource, Resolution};
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
-use crate::stats::attribution::{Attribution, Candidate, Options, Problem, Row, RowKind, Verdict, attribute};
+use crate::stats::attribution::{Attribution, Candidate, Options, Problem, Proposal, Row, RowKind, Verdict, attribute};
 use nalgebra::{DMatrix, DVector};
 
 /// How many candidates must stand on direct runs before there is a verdict.
@@ -106,10 +106,14 @@ pub fn examine<'a>(
         .install(|| names.iter().map(|name| Contender::new(&case, models, anchors, name)).collect::<Result<_, _>>())?;
     loop {
         let candidates = contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
-        let mut attribution = attributed(&case, candidates.clone(), options(&case))?;
+        let mut attribution = attributed(&case, candidates.clone(), Vec::new(), options(&case))?;
         match next_leader(&case, &attribution, &mut contenders) {
             Some(leader) => leader.tie(&case, lab)?,
             None => {
+                if matches!(attribution.verdict, Verdict::Class { .. }) {
+                    let proposals = proposals::all(&case, models, anchors, &candidates, &attribution.verdict.names());
+                    attribution = attributed(&case, candidates.clone(), proposals, options(&case))?;
+                }
                 contenders.iter().try_for_each(|contender| state_strength(&case, contender, &mut attribution))?;
                 return Ok(Examined { case, surface, contenders, candidates, attribution });
             }
@@ -261,8 +265,13 @@ fn is_control(context: &Context, set: &Measured) -> bool {
     context.config.measured.iter().any(|source| source.controls.contains(&set.name))
 }
 
-/// What the attribution finds in a case.
-pub fn attributed(case: &Case, candidates: Vec<Candidate>, options: Options) -> Result<Attribution, StageError> {
+/// What the attribution finds in a case, and what each proposal would add where effects stand side by side.
+pub fn attributed(
+    case: &Case,
+    candidates: Vec<Candidate>,
+    proposals: Vec<Proposal>,
+    options: Options,
+) -> Result<Attribution, StageError> {
     let statistics = case.evidence.statistics.iter().enumerate();
     let row = |(index, statistic): (usize, &super::moments::Statistic)| Row {
         name: rows::name(statistic),
@@ -286,7 +295,7 @@ pub fn attributed(case: &Case, candidates: Vec<Candidate>, options: Options) -> 
         jacobian_covariance: case.slopes.covariance.clone(),
         nuisances: Vec::new(),
         candidates,
-        proposals: Vec::new(),
+        proposals,
         attributable: case.attributable(),
     };
     attribute(&problem, &options).map_err(|error| StageError::Input {

@@ -111,6 +111,9 @@ pub struct Signature {
     pub strength: f64,
     /// Change of each observable per unit of strength.
     pub per_unit: DVector<f64>,
+    /// Move δ of the parameters per unit of strength at which it was taken (p): zero where that was θ̂ itself. With
+    /// g = [f(θ̂ + δη, η) − f(θ̂, 0)]/η − Jδ the linear model is exact there, whatever the error of J.
+    pub shift: DVector<f64>,
 }
 
 /// A candidate effect.
@@ -127,9 +130,6 @@ pub struct Candidate {
     pub signatures: Vec<Signature>,
     /// Covariance of the error of a signature per unit of strength (m × m), zero if it is exact.
     pub covariance: DMatrix<f64>,
-    /// Move of the parameters per unit of strength at which the signatures were taken (p): zero where they are those of
-    /// θ̂ itself. With g = [f(θ̂ + δη, η) − f(θ̂, 0)]/η − Jδ the linear model is exact there, whatever the error of J.
-    pub shift: DVector<f64>,
     /// `Err` with the reason if these data cannot show the effect (no trends, no traces …).
     pub testable: Result<(), String>,
     /// Whether the best fit of the full model with it has no strength: it is then fitted with strength zero, so that it
@@ -327,12 +327,17 @@ impl Parameter {
 }
 
 impl Candidate {
+    /// The signature at the least strength, by which effects are compared; `None` without signatures.
+    pub fn local(&self) -> Option<&Signature> {
+        self.signatures.iter().min_by(|a, b| a.strength.abs().total_cmp(&b.strength.abs()))
+    }
+
     fn validate(&self, m: usize, p: usize) -> Result<(), AttributionError> {
         let what = format!("the signature of `{}`", self.name);
-        check(&format!("the shift of {what}"), self.shift.shape(), (p, 1), self.shift.iter())?;
         check(&format!("the covariance of {what}"), self.covariance.shape(), (m, m), self.covariance.iter())?;
         for signature in &self.signatures {
             check(&what, signature.per_unit.shape(), (m, 1), signature.per_unit.iter())?;
+            check(&format!("the shift of {what}"), signature.shift.shape(), (p, 1), signature.shift.iter())?;
         }
         let (low, high) = self.range;
         let ordered = self.signatures.windows(2).all(|pair| pair[0].strength < pair[1].strength);

@@ -37,8 +37,7 @@ pub(super) fn with_proposal(
     let factor = proposal.covariance.clone().cholesky()?.l();
     let basis = complement_of(&appended_tangent(problem, whitened, proposal, &factor));
     let project = |k: usize| -> Vec<f64> {
-        let nearest =
-            problem.candidates[k].signatures.iter().min_by(|a, b| a.strength.abs().total_cmp(&b.strength.abs()));
+        let nearest = problem.candidates[k].local();
         let old = nearest.map_or_else(|| DVector::zeros(whitened.len()), |s| whitened.vector(&s.per_unit));
         let new = whiten_vector(&factor, proposal.signatures[k].as_slice());
         let rows = old.len() + new.len();

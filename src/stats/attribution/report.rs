@@ -61,7 +61,7 @@ fn curve(whitened: &Whitened, candidate: &Candidate) -> Curve {
 }
 
 /// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, and an error δJ of the
-/// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which the signature was taken.
+/// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature was taken.
 fn signature_error(
     problem: &Problem,
     whitened: &Whitened,
@@ -73,7 +73,7 @@ fn signature_error(
     let moves = &geometry.inverse * DVector::from_column_slice(signature.local());
     for (column, covariance) in problem.jacobian_covariance.iter().enumerate() {
         let parameter = &problem.parameters[column];
-        let shift = problem.candidates[k].shift[column];
+        let shift = problem.candidates[k].local().map_or(0.0, |local| local.shift[column]);
         let step = moves[column] * (parameter.upper - parameter.lower) + shift;
         error += whitened.covariance(covariance) * (step * step);
     }
