@@ -183,7 +183,7 @@ const STUDY: &[Key] = &[
     ),
 ];
 
-/// The parameter whose section may leave out [`BOTH`]: they are found by simulation then.
+/// The parameter whose section may leave out both bounds: they are found by simulation then.
 pub const DENSITY: &str = "particle_density";
 /// The keys of a parameter that [`DENSITY`] may leave out together.
 pub const BOTH: [&str; 2] = ["lower", "upper"];
