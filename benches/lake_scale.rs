@@ -7,7 +7,7 @@
 use granulake::campaign::{KpiRecord, Options, Request, RunRecord, kpi_key};
 use granulake::canonical::Digest;
 use granulake::pipeline::{Study, run};
-use granulake::stages;
+use granulake::stages::{self, Demand};
 use granulake::store::{Ledger, Store};
 use std::error::Error;
 use std::path::Path;
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
     std::fs::write(path.with_file_name("paper.csv"), include_str!("../artifacts/measured/fransen2022.csv"))?;
     std::fs::write(&path, study((runs.parse::<u32>()? / RUNS_PER_REPETITION).max(1)))?;
-    fill(&Study::load(&path)?)
+    fill(&mut Study::load(&path)?)
 }
 
 fn study(repetitions: u32) -> String {
@@ -49,13 +49,11 @@ fn study(repetitions: u32) -> String {
     lines.join("\n") + "\n[[measured]]\nname = \"paper\"\npath = \"paper.csv\"\ncomparable = true\n"
 }
 
-fn fill(study: &Study) -> Result<(), Box<dyn Error>> {
+fn fill(study: &mut Study) -> Result<(), Box<dyn Error>> {
     run::repro(study, &run::Request { target: stages::find("sample"), ..run::Request::default() }, |_, _| {})?;
     let simulate = stages::find("simulate").ok_or("no stage simulate")?;
-    let requests = {
-        let campaign = study.campaign(Options::default())?;
-        (simulate.simulations)(&study.context(&campaign))?.ok_or("no samples")?
-    };
+    let demand = (simulate.demand)(&study.context(&study.campaign(Options::default())?))?;
+    let Demand::Runs(requests) = demand else { return Err("no samples".into()) };
     let store: &Store = study.store();
     let object = store.put_object(b"the final state of a run that was never made")?;
     let (runs, kpis): (Ledger<RunRecord>, Ledger<KpiRecord>) = (store.ledger("runs")?, store.ledger("kpis")?);

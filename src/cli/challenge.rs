@@ -4,6 +4,7 @@ use super::output::aligned;
 use super::{CliError, Outcome};
 use crate::campaign::{Campaign, Options};
 use crate::challenge::{self, Declaration, Order, Score, Solution};
+use crate::config::DensityBounds;
 use crate::pipeline::run::{Request, repro};
 use crate::pipeline::{self, Study};
 use crate::stages;
@@ -121,7 +122,15 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
 /// Makes the challenge and writes its two files.
 fn new(study: &Path, order: &Order, out: &Path) -> Result<Outcome, CliError> {
     // The measured data of the study are not read: the challenge may be about to become one of them.
-    let config = Study::config(study)?;
+    let mut config = Study::config(study)?;
+    if config.bounds.density == DensityBounds::Sought {
+        config = Study::load(study)?.config;
+    }
+    if config.bounds.density == DensityBounds::Sought {
+        return Err(
+            "hidden parameters lie within the bounds, which are still sought; run `granulake repro bounds`".into()
+        );
+    }
     let campaign = Campaign::open(Store::at(config.artifacts()), Options { progress: true, ..Options::default() })?;
     let campaign = campaign.with_step_limit(config.study.step_limit);
     let challenge = challenge::make(&config, &campaign, order)?;
@@ -134,13 +143,13 @@ fn new(study: &Path, order: &Order, out: &Path) -> Result<Outcome, CliError> {
 
 /// Brings the study up to date as far as its metamodels, solves, and writes the tables.
 fn solve(study: &Path, dir: &Path, without: Option<&str>, jobs: usize) -> Result<Outcome, CliError> {
-    let study = Study::load(study)?;
+    let mut study = Study::load(study)?;
     if let Some(name) = without.filter(|name| !study.config.diagnose.candidates.iter().any(|known| known == name)) {
         let known = study.config.diagnose.candidates.join(", ");
         return Err(format!("`{name}` is no candidate of the study; these are: {known}").into());
     }
     let options = Options { jobs, progress: true, retry_failed: false };
-    repro(&study, &Request { target: stages::find("train"), force: false, options }, |_, _| {})?;
+    repro(&mut study, &Request { target: stages::find("train"), force: false, options }, |_, _| {})?;
     let campaign = study.campaign(options)?;
     let solution = dir.join(TABLES);
     if solution.exists() {

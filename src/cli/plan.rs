@@ -4,10 +4,11 @@ use super::output::aligned;
 use super::repro::stage;
 use super::{CliError, Outcome};
 use crate::campaign::{Options, Outlook};
+use crate::config::DensityBounds;
 use crate::config::points::EXTRA;
 use crate::pipeline::plan::{State, Step, assess, selection};
 use crate::pipeline::{PipelineError, Study};
-use crate::stages::{self, Context, Stage, find};
+use crate::stages::{self, Context, Demand, Stage, find};
 use crate::units::canonical;
 use clap::Args;
 use serde_json::{Value, json};
@@ -31,8 +32,9 @@ of the design (Binois et al. 2019). The rows go to stdout as CSV, those chosen b
 
 Costs come from the simulations timed so far: those of this plan, else all of the same experiment in this store; before
 the first one, a minute each is assumed and said.
-How many runs verify and validate need at most is known before their places are; of diagnose the anchors of all effects
-are counted, its runs at optima only when those are known.")]
+How many runs verify and validate need at most is known before their places are, and so it is of the whole design while
+bounds of the particle density are sought; of diagnose the anchors of all effects are counted, its runs at optima only
+when those are known.")]
 pub struct Arguments {
     /// Last stage; all stages when left out.
     stage: Option<String>,
@@ -60,7 +62,7 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
 fn suggest(study: &Study, wished: usize) -> Result<Outcome, CliError> {
     let campaign = study.campaign(Options::default())?;
     let stale =
-        assess(study, &study.lock()?).into_iter().find(|step| step.stage == "train" && step.state != State::Fresh);
+        assess(study, &study.lock()?).into_iter().find(|step| step.stage == "train" && !step.state.is_settled());
     if stale.is_some() {
         return Err("the metamodels are not up to date; run `granulake repro train`".into());
     }
@@ -81,7 +83,7 @@ pub fn print(study: &Study, target: Option<&'static Stage>, as_json: bool) -> Re
     let wanted: Vec<&str> = selection(target).iter().map(|stage| stage.name).collect();
     let steps: Vec<Step> =
         assess(study, &study.lock()?).into_iter().filter(|step| wanted.contains(&step.stage)).collect();
-    let unsettled = steps.iter().filter(|step| step.state != State::Fresh).filter_map(|step| find(step.stage));
+    let unsettled = steps.iter().filter(|step| !step.state.is_settled()).filter_map(|step| find(step.stage));
     let outdated = unsettled.flat_map(|stage| stage.writes.iter().map(|spec| spec.name));
     let context = study.context(&campaign).without(outdated.collect());
     let rows = steps.iter().map(|step| row(&context, step)).collect::<Result<Vec<_>, _>>()?;
@@ -93,11 +95,13 @@ pub fn print(study: &Study, target: Option<&'static Stage>, as_json: bool) -> Re
     let names = ["stage", "state", "runs", "new", "CPU-h", "why"].map(str::to_owned);
     let cells: Vec<Vec<Value>> = rows.iter().map(Row::cells).collect();
     writeln!(out, "{}", aligned(&names, &cells))?;
-    let any = |test: fn(&Runs) -> bool| rows.iter().filter_map(|row| row.runs.as_ref()).any(test);
+    let any = |test: fn(&Runs) -> bool| rows.iter().map(|row| &row.runs).any(test);
     if any(|runs| runs.at_most) {
+        let bounds = study.config.bounds.density == DensityBounds::Sought;
+        let design = if bounds { "the design lies within the bounds that the stage `bounds` finds, and " } else { "" };
         writeln!(
             out,
-            "<= marks runs at optima that are not known yet: every calibration that succeeds needs its share"
+            "<= marks runs at points that are not known yet: {design}every calibration that succeeds needs its share"
         )?;
     }
     if any(|runs| runs.guessed) {
@@ -112,7 +116,7 @@ pub fn print(study: &Study, target: Option<&'static Stage>, as_json: bool) -> Re
 struct Row {
     stage: &'static str,
     state: State,
-    runs: Option<Runs>,
+    runs: Runs,
 }
 
 /// Simulations of a stage.
@@ -131,12 +135,16 @@ struct Runs {
 fn row(context: &Context, step: &Step) -> Result<Row, CliError> {
     let Some(stage) = find(step.stage) else { return Err(format!("no stage is called {}", step.stage).into()) };
     let failed = |source| PipelineError::Stage { stage: stage.name, source };
-    let runs = match (stage.simulations)(context).map_err(failed)? {
-        Some(requests) => Some(Runs::of(context.campaign.outlook(&requests)?.into_values(), false)),
-        None => stages::foreseen(stage, context).map(|counts| {
+    let demand = match step.state {
+        State::Skipped(_) => Demand::Runs(Vec::new()),
+        _ => (stage.demand)(context).map_err(failed)?,
+    };
+    let runs = match demand {
+        Demand::Runs(requests) => Runs::of(context.campaign.outlook(&requests)?.into_values(), false),
+        Demand::AtMost(counts) => {
             let outlook = |(experiment, runs)| context.campaign.foresee(experiment, runs);
             Runs::of(counts.into_iter().map(outlook), true)
-        }),
+        }
     };
     Ok(Row { stage: step.stage, state: step.state.clone(), runs })
 }
@@ -167,7 +175,7 @@ impl Runs {
 
 impl Row {
     fn cells(&self) -> Vec<Value> {
-        let [wanted, missing, hours] = self.runs.map_or_else(|| ["?"; 3].map(str::to_owned), |runs| runs.texts());
+        let [wanted, missing, hours] = self.runs.texts();
         vec![
             self.stage.into(),
             self.state.word().into(),
@@ -183,11 +191,11 @@ impl Row {
             "stage": self.stage,
             "state": self.state.word(),
             "why": self.state.detail(),
-            "runs": self.runs.map(|runs| runs.wanted),
-            "new_runs": self.runs.map(|runs| runs.missing),
-            "at_most": self.runs.is_some_and(|runs| runs.at_most),
-            "cpu_hours": self.runs.map(|runs| runs.cpu_hours),
-            "cpu_hours_guessed": self.runs.is_some_and(|runs| runs.guessed),
+            "runs": self.runs.wanted,
+            "new_runs": self.runs.missing,
+            "at_most": self.runs.at_most,
+            "cpu_hours": self.runs.cpu_hours,
+            "cpu_hours_guessed": self.runs.guessed,
         })
     }
 }

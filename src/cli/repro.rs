@@ -7,7 +7,7 @@ use crate::pipeline::{PipelineError, Study, plan};
 use crate::stages::{self, Stage};
 use crate::store::table;
 use crate::tables::Row;
-use crate::tables::list::{DIAGNOSE_RUNS, RunRow, VALIDATE_RUNS, VERIFY_RUNS};
+use crate::tables::list::RunRow;
 use clap::Args;
 use serde_json::json;
 use std::io::Write;
@@ -23,7 +23,7 @@ Examples:
   granulake repro --reps 5           five repetitions instead of those of the study
   granulake --study studies/fransen2022.toml repro simulate --jobs 8
 
-Stages: sample, simulate, kpi, aggregate, train, analyse, feasibility, calibrate, verify, validate, diagnose, report.
+Stages: bounds, sample, simulate, kpi, aggregate, train, analyse, feasibility, calibrate, verify, validate, diagnose, report.
 A kill at any moment loses at most the simulations in flight; the next repro continues.")]
 pub struct Arguments {
     /// Last stage; all stages when left out.
@@ -62,7 +62,7 @@ pub fn stage(name: Option<&str>) -> Result<Option<&'static Stage>, PipelineError
 /// Runs what is stale and prints the summary.
 pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     let target = stage(arguments.stage.as_deref())?;
-    let study = Study::load_with(path, arguments.reps)?;
+    let mut study = Study::load_with(path, arguments.reps)?;
     if arguments.dry_run {
         return super::plan::print(&study, target, arguments.json);
     }
@@ -70,7 +70,7 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     let request = Request { target, force: arguments.force, options };
     let mut done = Vec::new();
     let mut clock = Instant::now();
-    let warnings = repro(&study, &request, |stage, action| {
+    let warnings = repro(&mut study, &request, |stage, action| {
         let seconds = clock.elapsed().as_secs_f64();
         clock = Instant::now();
         eprintln!("{stage:<11} {:<9} {seconds:7.1} s", action.word());
@@ -88,12 +88,12 @@ fn finish(
     (done, warnings): (&[serde_json::Value], &[String]),
 ) -> Result<Outcome, CliError> {
     let root = study.store().root();
-    let (runs, failed) = run_counts(root)?;
+    let (runs, failed) = run_counts(study)?;
     let mut out = std::io::stdout().lock();
     if json {
         let stale: Vec<_> = plan::assess(study, &study.lock()?)
             .into_iter()
-            .filter(|step| step.state != plan::State::Fresh)
+            .filter(|step| !step.state.is_settled())
             .map(|step| step.stage)
             .collect();
         writeln!(
@@ -110,11 +110,13 @@ fn finish(
     Ok(if failed == 0 { Outcome::Done } else { Outcome::FailedRuns })
 }
 
-/// Number of all runs, and of those that failed.
-fn run_counts(root: &Path) -> Result<(u64, u64), CliError> {
+/// Number of all runs in the tables of the study, and of those that failed.
+fn run_counts(study: &Study) -> Result<(u64, u64), CliError> {
     let (mut runs, mut failed) = (0, 0);
-    for spec in [RunRow::SPEC, &VERIFY_RUNS, &VALIDATE_RUNS, &DIAGNOSE_RUNS] {
-        let counts = table::text_counts(root, spec, "status")?;
+    let needed = stages::STAGES.iter().filter(|stage| (stage.skipped)(&study.config).is_none());
+    let written = needed.flat_map(|stage| stage.writes);
+    for spec in written.filter(|spec| spec.columns == RunRow::SPEC.columns) {
+        let counts = table::text_counts(study.store().root(), spec, "status")?;
         let all: u64 = counts.values().sum();
         runs += all;
         failed += all - counts.get("ok").copied().unwrap_or(0);

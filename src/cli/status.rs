@@ -2,7 +2,7 @@
 
 use super::output::aligned;
 use super::{CliError, Outcome};
-use crate::pipeline::plan::{State, assess};
+use crate::pipeline::plan::assess;
 use crate::pipeline::{Study, integrity};
 use clap::Args;
 use serde_json::{Value, json};
@@ -44,5 +44,5 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
     for warning in integrity::warnings(&study)? {
         eprintln!("warning: {warning}");
     }
-    Ok(if steps.iter().all(|step| step.state == State::Fresh) { Outcome::Done } else { Outcome::Findings })
+    Ok(if steps.iter().all(|step| step.state.is_settled()) { Outcome::Done } else { Outcome::Findings })
 }

@@ -31,6 +31,10 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
             writeln!(out, "{} is stale:", stage.name)?;
             reasons.iter().try_for_each(|reason| writeln!(out, "  {reason}"))?;
         }
+        Some(State::Skipped(why)) => {
+            writeln!(out, "{} is skipped: {why}", stage.name)?;
+            return Ok(Outcome::Done);
+        }
         Some(State::Waiting(stages)) => writeln!(out, "{} waits for {}", stage.name, stages.join(", "))?,
         _ => writeln!(out, "{} is fresh; it stands on:", stage.name)?,
     }

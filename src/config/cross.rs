@@ -3,9 +3,11 @@
 //! Takes what was read without problems; adds a problem for everything that is right by itself and wrong together,
 //! and resolves `"all"` for measured sets, so that a new set makes stale what uses all of them.
 
+use super::declare::DENSITY;
 use super::nearest::suggestion;
 use super::problem::{Place, Problem};
 use super::read::Reading;
+use super::types::DensityBounds;
 use super::values::Value;
 use crate::effects::{self, Effect, EffectError};
 use crate::experiments::{self, EXPERIMENTS};
@@ -14,6 +16,8 @@ use crate::units::canonical;
 
 /// Most points of a design: beyond it a typing error is likelier than a wish.
 const MOST_POINTS: u64 = 1_000_000;
+/// The experiment behind bounds of the particle density.
+const BULK_DENSITY: &str = "bulk_density";
 
 /// Checks `reading`, which holds no problems yet, and adds those found. `file` is its name for messages.
 pub fn check(reading: &mut Reading, file: &str) {
@@ -36,7 +40,7 @@ struct Cross<'r> {
 
 impl Cross<'_> {
     fn problem(&mut self, path: &str, what: String) {
-        let place = self.reading.values.line(path).map_or(Place::File, Place::Line);
+        let place = self.reading.line(path).map_or(Place::File, Place::Line);
         self.reading.problems.push(Problem { file: self.file.to_owned(), place, what: format!("`{path}`: {what}") });
     }
 
@@ -48,8 +52,33 @@ impl Cross<'_> {
             );
         }
         for name in self.reading.parameters.clone() {
-            self.bounds(&name);
+            if !self.is_sought(&name) {
+                self.bounds(&name);
+            }
             self.fixed_too(&name);
+        }
+        if self.reading.unbounded.is_some() {
+            self.can_be_found();
+        }
+    }
+
+    /// Whether the bounds of a parameter are still to be found.
+    fn is_sought(&self, name: &str) -> bool {
+        name == DENSITY && self.reading.density_bounds() == DensityBounds::Sought
+    }
+
+    /// What the stage `bounds` needs of a study whose particle density has none.
+    fn can_be_found(&mut self) {
+        let remedy = "or give lower and upper";
+        if self.reading.parameters.len() == 1 {
+            let what =
+                format!("bounds come from the ends of the other parameters, of which there is none; add one, {remedy}");
+            self.problem(&format!("parameters.{DENSITY}"), what);
+        }
+        if !self.reading.values.words("experiments.fitted").iter().any(|name| name == BULK_DENSITY) {
+            let test = format!("{BULK_DENSITY}, whose test gives the bounds that [parameters.{DENSITY}] leaves out");
+            let what = format!("lacks {test}; add it, {remedy}");
+            self.problem("experiments.fitted", what);
         }
     }
 
@@ -211,7 +240,7 @@ impl Cross<'_> {
         let values = &self.reading.values;
         let corner = |bound: &str| {
             let mut settings = self.reading.settings.clone();
-            for name in &self.reading.parameters {
+            for name in self.reading.parameters.iter().filter(|name| !self.is_sought(name)) {
                 // A bound that the setting refuses is a problem of its own.
                 let _ = settings.set(name, values.number(&format!("parameters.{name}.{bound}")));
             }

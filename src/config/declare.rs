@@ -107,6 +107,11 @@ pub const SECTIONS: &[Section] = &[
         shape: Shape::Parameters(PARAMETER),
         meaning: "what is calibrated: any number of settings, with bounds",
     },
+    Section {
+        path: "bounds",
+        shape: Shape::Table(BOUNDS),
+        meaning: "bounds of the particle density by simulation (eqs 2 and 3), where its section gives none",
+    },
     Section { path: "experiments", shape: Shape::Table(FITTED), meaning: "experiments the calibration is fitted to" },
     Section { path: "design", shape: Shape::Table(DESIGN), meaning: "sample points in the space of the parameters" },
     Section {
@@ -178,11 +183,23 @@ const STUDY: &[Key] = &[
     ),
 ];
 
+/// The parameter whose section may leave out both bounds: they are found by simulation then.
+pub const DENSITY: &str = "particle_density";
+/// The keys of a parameter that [`DENSITY`] may leave out together.
+pub const BOTH: [&str; 2] = ["lower", "upper"];
+
 const PARAMETER: &[Key] = &[
     required("lower", Kind::Quantity, "lower bound"),
     required("upper", Kind::Quantity, "upper bound"),
     key("scale", Kind::Choice(&["linear", "log"]), "\"linear\"", "how the unit cube is stretched between the bounds"),
 ];
+
+const BOUNDS: &[Key] = &[key(
+    "repetitions",
+    Kind::Count(2, 100_000),
+    "10",
+    "simulations at each end; apart from study.repetitions, so that more of those move no point of the design",
+)];
 
 const FITTED: &[Key] =
     &[key("fitted", Kind::Experiments, "[\"pile\", \"ledge\", \"bulk_density\"]", "experiments whose KPIs are fitted")];

@@ -18,13 +18,15 @@ pub mod template;
 mod types;
 mod values;
 
+pub use declare::DENSITY;
 pub use measured::{Measured, MeasuredSummary, MeasuredValue};
 pub use nearest::{nearest, suggestion};
 pub use points::ChosenPoint;
 pub use problem::{Place, Problem, Problems};
 pub use types::{
-    Accept, Analysis, Approach, Calibrate, Design, Diagnose, Effects, Filling, MeasuredSource, Metamodel,
-    MetamodelKind, Parameter, Prior, RbmNoise, Resolution, Scale, Statistics, Study, Thresholds, Validate, Verify,
+    Accept, Analysis, Approach, Bounds, Calibrate, DensityBounds, Design, Diagnose, Effects, Filling, MeasuredSource,
+    Metamodel, MetamodelKind, Parameter, Prior, RbmNoise, Resolution, Scale, Statistics, Study, Thresholds, Validate,
+    Verify,
 };
 
 use crate::experiments::{EXPERIMENTS, Experiment};
@@ -59,6 +61,8 @@ pub struct Config {
     pub study: Study,
     /// What is calibrated, sorted by name; at least one.
     pub parameters: Vec<Parameter>,
+    /// How bounds of the particle density are found.
+    pub bounds: Bounds,
     /// Numbers of sample points.
     pub design: Design,
     /// Points that somebody chose, in the order of their file.
@@ -120,6 +124,25 @@ impl Config {
         let line = reading.values.line("study.repetitions").unwrap_or(1);
         reading.values.insert("study.repetitions".to_owned(), Value::Count(repetitions.into()), line);
         Self::from_reading(reading, &self.file)
+    }
+
+    /// The same study with bounds that were found for the particle density, whose section gives none.
+    ///
+    /// # Errors
+    /// What is wrong with these bounds, or with what else the study says about the density.
+    pub fn with_density_bounds(&self, lower: f64, upper: f64) -> Result<Self, Problems> {
+        let mut reading = self.reading.clone();
+        for (key, bound) in declare::BOTH.into_iter().zip([lower, upper]) {
+            let line = reading.unbounded.unwrap_or(1);
+            reading.values.insert(format!("parameters.{DENSITY}.{key}"), Value::Number(bound), line);
+        }
+        Self::from_reading(reading, &self.file)
+    }
+
+    /// A problem with `path` of the study, for checks that need more than its text.
+    pub fn problem(&self, path: &str, what: &str) -> Problem {
+        let place = self.reading.line(path).map_or(Place::File, Place::Line);
+        Problem { file: self.file.display().to_string(), place, what: format!("`{path}`: {what}") }
     }
 
     /// The same study with one data set in place of all others; the candidate `without` may not be named.
@@ -248,6 +271,7 @@ impl Config {
         let ids = |list: &str| reading.lists.get(list).into_iter().flatten();
         Self {
             parameters: specs.map(|spec| types::parameter(values, spec)).collect(),
+            bounds: Bounds { density: reading.density_bounds(), repetitions: values.count32("bounds.repetitions") },
             design: types::design(values),
             chosen: Vec::new(),
             measured: ids("measured").map(|id| types::measured(values, id)).collect(),

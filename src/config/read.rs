@@ -4,9 +4,10 @@
 //! It reads one section after the other and knows nothing of how they fit together; `cross` does.
 
 use super::check::{Complaint, bounded, check, setting};
-use super::declare::{Key, SECTIONS, Section, Shape, effect_names, experiment_names, kpi_names};
+use super::declare::{BOTH, DENSITY, Key, SECTIONS, Section, Shape, effect_names, experiment_names, kpi_names};
 use super::nearest::{nearest, suggestion};
 use super::problem::{Place, Problem};
+use super::types::DensityBounds;
 use super::values::{Value, Values};
 use crate::effects::{Declared, Library, Way};
 use crate::settings::{self, SettingSpec, Settings};
@@ -25,6 +26,8 @@ pub struct Reading {
     pub overrides: BTreeMap<&'static str, usize>,
     /// Names of the parameters, sorted.
     pub parameters: Vec<String>,
+    /// Line of the section of [`DENSITY`] where it gives no bounds.
+    pub unbounded: Option<usize>,
     /// Identities of the items of every list section, in the order of the file.
     pub lists: BTreeMap<&'static str, Vec<String>>,
     /// Names of the effects that the study declares.
@@ -33,6 +36,26 @@ pub struct Reading {
     pub library: Library,
     /// What is wrong.
     pub problems: Vec<Problem>,
+}
+
+impl Reading {
+    /// The line of `path`; that of its section for bounds which the section leaves out.
+    pub fn line(&self, path: &str) -> Option<usize> {
+        let of_density = || path.strip_prefix("parameters.").is_some_and(|rest| rest.starts_with(DENSITY));
+        self.values.line(path).or_else(|| self.unbounded.filter(|_| of_density()))
+    }
+
+    /// Where the bounds of the particle density come from.
+    pub fn density_bounds(&self) -> DensityBounds {
+        match (self.parameters.iter().any(|name| name == DENSITY), self.unbounded) {
+            (false, _) => DensityBounds::NotCalibrated,
+            (true, None) => DensityBounds::Given,
+            (true, Some(_)) if BOTH.iter().all(|key| self.values.has(&format!("parameters.{DENSITY}.{key}"))) => {
+                DensityBounds::Found
+            }
+            (true, Some(_)) => DensityBounds::Sought,
+        }
+    }
 }
 
 /// Reads `document`, the text of `file`.
@@ -155,9 +178,27 @@ impl<'d> Reader<'d> {
             }
             (Some(table), Ok(spec)) => {
                 self.reading.parameters.push(name.to_owned());
-                self.table(&full, keys, table, at, spec.unit);
+                let keys = if name == DENSITY { self.keys_of_density(keys, table, at) } else { keys.to_vec() };
+                self.table(&full, &keys, table, at, spec.unit);
             }
         }
+    }
+
+    /// The keys that the section of the density must give: all, or all but the two bounds.
+    fn keys_of_density(&mut self, keys: &[Key], table: &DeTable<'d>, at: usize) -> Vec<Key> {
+        let missing: Vec<&str> = BOTH.into_iter().filter(|key| table.get(*key).is_none()).collect();
+        match missing[..] {
+            [] => return keys.to_vec(),
+            [one] => self.problem(
+                at,
+                format!(
+                    "`parameters.{DENSITY}.{one}`: key is missing; add it, or leave out both bounds to have the stage \
+                     `bounds` find them by simulation"
+                ),
+            ),
+            _ => self.reading.unbounded = Some(self.line(at)),
+        }
+        keys.iter().filter(|key| !missing.contains(&key.name)).copied().collect()
     }
 
     /// Items `[[path]]`; the values of the identity keys, joined by dots, stand for the item in paths.

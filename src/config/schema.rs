@@ -2,7 +2,7 @@
 //!
 //! Editors that know the `#:schema` line complete and explain every key. Draft 7, the one TOML editors read.
 
-use super::declare::{Key, Kind, SECTIONS, Section, Shape, effect_names, experiment_names, kpi_names};
+use super::declare::{BOTH, DENSITY, Key, Kind, SECTIONS, Section, Shape, effect_names, experiment_names, kpi_names};
 use crate::effects::EFFECTS;
 use crate::settings::{self, Kind as SettingKind, SettingSpec};
 use serde_json::{Map, Value, json};
@@ -39,6 +39,7 @@ fn of_section(section: &Section) -> Value {
             "type": "object",
             "minProperties": 1,
             "propertyNames": { "enum": number_settings() },
+            "properties": { DENSITY: both_or_none(table("", keys)) },
             "additionalProperties": table("", keys),
         }),
         Shape::List(_, keys) => json!({ "type": "array", "items": table("", keys) }),
@@ -106,6 +107,16 @@ fn of_kind(kind: Kind) -> Value {
             json!({ "type": "array", "items": { "type": "string", "pattern": NAME }, "uniqueItems": true })
         }
     }
+}
+
+/// The same section of a parameter, which may leave out both bounds.
+fn both_or_none(mut schema: Value) -> Value {
+    if let Some(object) = schema.as_object_mut() {
+        object.remove("required");
+    }
+    let [lower, upper] = BOTH;
+    insert(&mut schema, "dependencies", json!({ lower: [upper], upper: [lower] }));
+    schema
 }
 
 /// One of `words`, a built-in effect, or the name of a declared one.

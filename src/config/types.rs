@@ -135,6 +135,19 @@ pub struct Study {
     pub resolution: Resolution,
 }
 
+/// Where the bounds of the particle density come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DensityBounds {
+    /// The density is no parameter.
+    NotCalibrated,
+    /// The study gives them.
+    Given,
+    /// The stage `bounds` is to find them: until it has, those of the parameter are what the setting accepts at most.
+    Sought,
+    /// The stage `bounds` has found them.
+    Found,
+}
+
 /// A calibrated setting with its bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
@@ -170,6 +183,15 @@ impl Parameter {
         };
         value.max(self.lower).min(self.upper)
     }
+}
+
+/// How bounds of the particle density are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Bounds {
+    /// Where they come from.
+    pub density: DensityBounds,
+    /// Simulations at each end.
+    pub repetitions: u32,
 }
 
 /// Numbers of sample points.
@@ -395,11 +417,17 @@ pub(super) fn study(values: &Values) -> Study {
 
 pub(super) fn parameter(values: &Values, spec: &SettingSpec) -> Parameter {
     let at = |key: &str| format!("parameters.{}.{key}", spec.name);
+    // Only bounds that are sought have no value yet.
+    let bound = |key: &str, widest: f64| if values.has(&at(key)) { values.number(&at(key)) } else { widest };
+    let (least, most) = match spec.kind {
+        settings::Kind::Number { lower, upper, .. } => (lower, upper),
+        settings::Kind::Choice { .. } => (0.0, 1.0),
+    };
     Parameter {
         name: spec.name,
         unit: spec.unit,
-        lower: values.number(&at("lower")),
-        upper: values.number(&at("upper")),
+        lower: bound("lower", least),
+        upper: bound("upper", most),
         scale: Scale::admitted(values.text(&at("scale"))),
     }
 }

@@ -54,6 +54,11 @@ impl Values {
         self.entries.insert(path, (value, line)).map(|(_, line)| line)
     }
 
+    /// Whether `path` has a value.
+    pub fn has(&self, path: &str) -> bool {
+        self.entries.contains_key(path)
+    }
+
     /// The line on which `path` stands, if it has a value.
     pub fn line(&self, path: &str) -> Option<usize> {
         self.entries.get(path).map(|(_, line)| *line)

@@ -3,7 +3,7 @@
 use super::Study;
 use crate::canonical::{Digest, Encoder, digest};
 use crate::config::Measured;
-use crate::stages::{STAGES, Stage};
+use crate::stages::{STAGES, Stage, find};
 use crate::store::{Lock, StageLock, lock::Change, table};
 use crate::tables::TableSpec;
 use std::collections::BTreeMap;
@@ -21,6 +21,8 @@ pub enum State {
     Stale(Vec<Reason>),
     /// Earlier stages have to run first; whether this one has to is known then.
     Waiting(Vec<&'static str>),
+    /// The study has no need of it, for this reason.
+    Skipped(&'static str),
 }
 
 /// Why a stage is stale.
@@ -68,12 +70,18 @@ pub struct Recipe {
 }
 
 impl State {
+    /// Whether there is nothing to do.
+    pub const fn is_settled(&self) -> bool {
+        matches!(self, Self::Fresh | Self::Skipped(_))
+    }
+
     /// One word.
     pub const fn word(&self) -> &'static str {
         match self {
             Self::Fresh => "fresh",
             Self::Stale(_) => "stale",
             Self::Waiting(_) => "waiting",
+            Self::Skipped(_) => "skipped",
         }
     }
 
@@ -83,6 +91,7 @@ impl State {
             Self::Fresh => String::new(),
             Self::Stale(reasons) => reasons.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
             Self::Waiting(stages) => format!("after {}", stages.join(", ")),
+            Self::Skipped(why) => (*why).to_owned(),
         }
     }
 }
@@ -108,7 +117,7 @@ pub fn assess(study: &Study, lock: &Lock) -> Vec<Step> {
     for stage in STAGES {
         let unsettled: Vec<&'static str> = steps
             .iter()
-            .filter(|step| step.state != State::Fresh && feeds(step.stage, stage))
+            .filter(|step| !step.state.is_settled() && feeds(step.stage, stage))
             .map(|step| step.stage)
             .collect();
         let state = if unsettled.is_empty() { assess_stage(study, lock, stage) } else { State::Waiting(unsettled) };
@@ -119,6 +128,9 @@ pub fn assess(study: &Study, lock: &Lock) -> Vec<Step> {
 
 /// The state of one stage whose inputs are settled.
 pub fn assess_stage(study: &Study, lock: &Lock, stage: &Stage) -> State {
+    if let Some(why) = (stage.skipped)(&study.config) {
+        return State::Skipped(why);
+    }
     let Some(locked) = lock.stages.get(stage.name) else { return State::Stale(vec![Reason::NeverRan]) };
     let mut reasons = Vec::new();
     let recipe = recipe(study, lock, stage);
@@ -144,7 +156,10 @@ pub fn leftovers(study: &Study, locked: &StageLock, stage: &Stage) -> Vec<String
 /// The key of a stage from its settings and from what the lock says of its inputs.
 pub fn recipe(study: &Study, lock: &Lock, stage: &Stage) -> Recipe {
     let settings = (stage.settings)(&study.config);
-    let outputs: BTreeMap<&str, Digest> = lock.outputs().map(|(_, path, output)| (path, output.digest)).collect();
+    // What a stage wrote before it came to be skipped is no input any more.
+    let needed = |name: &str| find(name).is_none_or(|stage| (stage.skipped)(&study.config).is_none());
+    let outputs = lock.outputs().filter(|(stage, ..)| needed(stage));
+    let outputs: BTreeMap<&str, Digest> = outputs.map(|(_, path, output)| (path, output.digest)).collect();
     let mut inputs: BTreeMap<String, Digest> = stage
         .reads
         .iter()
@@ -236,7 +251,7 @@ mod tests {
         assert!(!feeds("report", stage("sample")));
         assert!(!feeds("verify", stage("verify")));
         let names: Vec<_> = selection(Some(stage("aggregate"))).iter().map(|stage| stage.name).collect();
-        assert_eq!(names, ["sample", "simulate", "kpi", "aggregate"]);
+        assert_eq!(names, ["bounds", "sample", "simulate", "kpi", "aggregate"]);
         assert_eq!(selection(None).len(), STAGES.len());
     }
 

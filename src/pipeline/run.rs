@@ -5,7 +5,7 @@ use super::plan::{Recipe, State, assess_stage, leftovers, recipe, selection};
 use super::study::{PipelineError, Study};
 use crate::campaign::{Campaign, FAILED, Options, Stopwatch};
 use crate::canonical::{Digest, Encoder, digest};
-use crate::stages::Stage;
+use crate::stages::{Stage, bounds};
 use crate::store::{Ledger, Lock, Output, StageLock, Warning, table};
 use crate::tables::io::rows_in_file;
 use crate::tables::{Row, RunRow};
@@ -34,6 +34,8 @@ pub enum Action {
     Restored,
     /// It ran.
     Ran,
+    /// The study has no need of it.
+    Skipped,
 }
 
 impl Action {
@@ -43,6 +45,7 @@ impl Action {
             Self::Kept => "fresh",
             Self::Restored => "restored",
             Self::Ran => "ran",
+            Self::Skipped => "skipped",
         }
     }
 }
@@ -59,19 +62,24 @@ pub struct Request {
 }
 
 /// Brings the stages up to date one by one; `report` hears of each. What is done is locked at once, so that a later
-/// failure or a kill loses nothing. Gives what the store was found to have lost; a store that nothing was asked of is not
-/// looked into.
+/// failure or a kill loses nothing. Bounds that are found on the way are the study's from then on. Gives what the store
+/// was found to have lost; a store that nothing was asked of is not looked into.
 ///
 /// # Errors
 /// The first stage that fails, or a store that cannot be written.
 pub fn repro(
-    study: &Study,
+    study: &mut Study,
     request: &Request,
     mut report: impl FnMut(&'static str, Action),
 ) -> Result<Vec<Warning>, PipelineError> {
     let mut lock = study.lock()?;
     let mut driver: Option<Driver> = None;
     for stage in selection(request.target) {
+        if (stage.skipped)(&study.config).is_some() {
+            forget(study, &mut lock, stage)?;
+            report(stage.name, Action::Skipped);
+            continue;
+        }
         let forced = request.force && request.target.is_none_or(|target| target.name == stage.name);
         let fresh = assess_stage(study, &lock, stage) == State::Fresh;
         let retry = request.options.retry_failed && fresh && has_failed_runs(study, stage)?;
@@ -83,13 +91,23 @@ pub fn repro(
             Some(driver) => driver,
             none => none.insert(Driver::open(study, request.options)?),
         };
-        let action = driver.update(&mut lock, stage, forced)?;
+        let action = driver.update(study, &mut lock, stage, forced)?;
+        if stage.name == bounds::STAGE.name {
+            study.take_bounds(&lock)?;
+        }
         report(stage.name, action);
     }
     match driver {
         Some(driver) => driver.finish(),
         None => Ok(Vec::new()),
     }
+}
+
+/// Takes a stage that is skipped out of the lock, and its outputs with it.
+fn forget(study: &Study, lock: &mut Lock, stage: &Stage) -> Result<(), PipelineError> {
+    let Some(locked) = lock.stages.remove(stage.name) else { return Ok(()) };
+    lock.write(study.lock_path())?;
+    Ok(locked.outputs.keys().try_for_each(|path| study.store().remove_output(path))?)
 }
 
 /// Whether the tables of a stage hold a run that failed.
@@ -102,20 +120,26 @@ fn has_failed_runs(study: &Study, stage: &Stage) -> Result<bool, PipelineError> 
     Ok(false)
 }
 
+fn publish(study: &Study, path: &str, bytes: &[u8]) -> Result<Output, PipelineError> {
+    let output = study.store().publish(path, bytes)?;
+    let table = path.ends_with(".parquet");
+    let rows = table.then(|| rows_in_file(&study.store().root().join(path)).ok()).flatten();
+    Ok(Output { rows, ..output })
+}
+
 /// The open store while stages run.
-struct Driver<'a> {
-    study: &'a Study,
+struct Driver {
     campaign: Campaign,
     outputs: Ledger<OutputRecord>,
     retry_failed: bool,
 }
 
-impl<'a> Driver<'a> {
-    fn open(study: &'a Study, options: Options) -> Result<Self, PipelineError> {
+impl Driver {
+    fn open(study: &Study, options: Options) -> Result<Self, PipelineError> {
         study.store().claim()?;
         let campaign = study.campaign(options)?;
         let outputs = study.store().ledger("stages")?;
-        Ok(Self { study, campaign, outputs, retry_failed: options.retry_failed })
+        Ok(Self { campaign, outputs, retry_failed: options.retry_failed })
     }
 
     fn finish(self) -> Result<Vec<Warning>, PipelineError> {
@@ -126,13 +150,19 @@ impl<'a> Driver<'a> {
     }
 
     /// Puts the outputs of `stage` in place and into the lock.
-    fn update(&self, lock: &mut Lock, stage: &'static Stage, forced: bool) -> Result<Action, PipelineError> {
-        let recipe = recipe(self.study, lock, stage);
-        let known = if forced { None } else { self.restore(&recipe)? };
-        let retry = self.retry_failed && has_failed_runs(self.study, stage)?;
+    fn update(
+        &self,
+        study: &Study,
+        lock: &mut Lock,
+        stage: &'static Stage,
+        forced: bool,
+    ) -> Result<Action, PipelineError> {
+        let recipe = recipe(study, lock, stage);
+        let known = if forced { None } else { self.restore(study, &recipe)? };
+        let retry = self.retry_failed && has_failed_runs(study, stage)?;
         let (outputs, action) = match known.filter(|_| !retry) {
             Some(outputs) => (outputs, Action::Restored),
-            None => (self.run(stage, &recipe)?, Action::Ran),
+            None => (self.run(study, stage, &recipe)?, Action::Ran),
         };
         let locked = StageLock {
             key: recipe.key,
@@ -141,35 +171,40 @@ impl<'a> Driver<'a> {
             inputs: recipe.inputs,
             outputs,
         };
-        let old = leftovers(self.study, &locked, stage);
+        let old = leftovers(study, &locked, stage);
         lock.stages.insert(stage.name.to_owned(), locked);
-        lock.write(self.study.lock_path())?;
-        old.iter().try_for_each(|path| self.study.store().remove_output(path))?;
+        lock.write(study.lock_path())?;
+        old.iter().try_for_each(|path| study.store().remove_output(path))?;
         Ok(action)
     }
 
     /// Copies the outputs of a key seen before out of the store; `None` if the key is new or an object is gone, be it a
     /// table or the final state of a run in it.
-    fn restore(&self, recipe: &Recipe) -> Result<Option<BTreeMap<String, Output>>, PipelineError> {
+    fn restore(&self, study: &Study, recipe: &Recipe) -> Result<Option<BTreeMap<String, Output>>, PipelineError> {
         let Some(records) = self.outputs.get(&recipe.key.to_string()) else { return Ok(None) };
         let mut outputs = BTreeMap::new();
         for record in records.iter() {
             let Ok(digest) = record.digest.parse::<Digest>() else { return Ok(None) };
-            let Ok(bytes) = self.study.store().object(&digest) else { return Ok(None) };
-            outputs.insert(record.path.clone(), self.publish(&record.path, &bytes)?);
+            let Ok(bytes) = study.store().object(&digest) else { return Ok(None) };
+            outputs.insert(record.path.clone(), publish(study, &record.path, &bytes)?);
         }
-        let states = states(self.study.store(), &outputs)?;
-        Ok(states.iter().all(|digest| self.study.store().has_object(digest)).then_some(outputs))
+        let states = states(study.store(), &outputs)?;
+        Ok(states.iter().all(|digest| study.store().has_object(digest)).then_some(outputs))
     }
 
-    fn run(&self, stage: &'static Stage, recipe: &Recipe) -> Result<BTreeMap<String, Output>, PipelineError> {
-        let context = self.study.context(&self.campaign);
+    fn run(
+        &self,
+        study: &Study,
+        stage: &'static Stage,
+        recipe: &Recipe,
+    ) -> Result<BTreeMap<String, Output>, PipelineError> {
+        let context = study.context(&self.campaign);
         let watch = Stopwatch::of_process();
         let outputs = (stage.run)(&context).map_err(|source| PipelineError::Stage { stage: stage.name, source })?;
         self.campaign.record_stage(&recipe.key, stage.name, &watch)?;
         let mut records = Vec::new();
         for ((path, bytes), number) in outputs.files.iter().zip(1..) {
-            let digest = self.study.store().put_object(bytes)?.to_string();
+            let digest = study.store().put_object(bytes)?.to_string();
             records.push(OutputRecord { stage_key: recipe.key.to_string(), number, path: path.clone(), digest });
         }
         if self.retry_failed {
@@ -179,14 +214,7 @@ impl<'a> Driver<'a> {
             self.check_same_bytes(stage, recipe, &records)?;
             self.outputs.append(&records)?;
         }
-        outputs.files.iter().map(|(path, bytes)| Ok((path.clone(), self.publish(path, bytes)?))).collect()
-    }
-
-    fn publish(&self, path: &str, bytes: &[u8]) -> Result<Output, PipelineError> {
-        let output = self.study.store().publish(path, bytes)?;
-        let table = path.ends_with(".parquet");
-        let rows = table.then(|| rows_in_file(&self.study.store().root().join(path)).ok()).flatten();
-        Ok(Output { rows, ..output })
+        outputs.files.iter().map(|(path, bytes)| Ok((path.clone(), publish(study, path, bytes)?))).collect()
     }
 
     /// The same key must give the same bytes.

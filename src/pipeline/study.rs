@@ -1,10 +1,13 @@
 //! A study on disk: its file, its lock, its tables and its store.
 
+use super::plan::{State, assess_stage};
 use crate::campaign::{Campaign, CampaignError, Options};
 use crate::canonical::Digest;
-use crate::config::{Config, ConfigError, Measured};
+use crate::config::{Config, ConfigError, DENSITY, DensityBounds, Measured, Problems};
+use crate::stages::bounds::{self, Unmeasured, densities};
 use crate::stages::{Context, StageError};
-use crate::store::{Lock, Store, StoreError, TABLES, Warning};
+use crate::store::{Lock, Store, StoreError, TABLES, Warning, table};
+use crate::tables::{Row, list::BoundRow};
 use std::path::{Path, PathBuf};
 
 /// Why the driver cannot go on.
@@ -89,7 +92,7 @@ pub struct Study {
 }
 
 impl Study {
-    /// Reads the study file and the measured data it names.
+    /// Reads the study file and the measured data it names, and bounds that an earlier `repro` found.
     ///
     /// # Errors
     /// What is wrong in which file and line.
@@ -102,6 +105,19 @@ impl Study {
     /// # Errors
     /// What is wrong in which file and line.
     pub fn load_with(path: &Path, repetitions: Option<u32>) -> Result<Self, PipelineError> {
+        let mut study = Self::declared(path, repetitions)?;
+        if study.config.bounds.density == DensityBounds::Sought {
+            study.can_find_bounds()?;
+            study.take_bounds(&study.lock()?)?;
+        }
+        Ok(study)
+    }
+
+    /// Reads the study file and the measured data it names, and nothing that was found since.
+    ///
+    /// # Errors
+    /// What is wrong in which file and line.
+    pub fn declared(path: &Path, repetitions: Option<u32>) -> Result<Self, PipelineError> {
         let mut config = Self::config(path)?;
         if let Some(repetitions) = repetitions {
             config = config.with_repetitions(repetitions).map_err(ConfigError::from)?;
@@ -109,6 +125,30 @@ impl Study {
         let measured = config.read_measured().map_err(ConfigError::from)?;
         let store = Store::at(config.artifacts());
         Ok(Self { config, measured, lock_path: Self::lock_of(path), store })
+    }
+
+    /// Whether the measured data tell what the stage `bounds` needs.
+    fn can_find_bounds(&self) -> Result<(), PipelineError> {
+        let refused = |unmeasured: Unmeasured| {
+            let what = format!("the bounds are left out, but {unmeasured}; add it, or give lower and upper");
+            ConfigError::from(Problems::from(self.config.problem(&format!("parameters.{DENSITY}"), &what)))
+        };
+        densities(&self.config, self.measured.iter(), None).map_err(refused)?;
+        Ok(())
+    }
+
+    /// Takes the bounds of the table that the stage `bounds` wrote, if it is up to date.
+    ///
+    /// # Errors
+    /// A table that cannot be read, or bounds that the study cannot have.
+    pub fn take_bounds(&mut self, lock: &Lock) -> Result<(), PipelineError> {
+        if assess_stage(self, lock, &bounds::STAGE) == State::Fresh {
+            let rows: Vec<BoundRow> = table::read(self.store.root(), BoundRow::SPEC)?;
+            if let Some((lower, upper)) = bounds::of_rows(&rows) {
+                self.config = self.config.with_density_bounds(lower, upper).map_err(ConfigError::from)?;
+            }
+        }
+        Ok(())
     }
 
     /// Reads the study file alone.

@@ -19,10 +19,10 @@ mod words;
 use std::collections::BTreeSet;
 
 use crate::tables::{
-    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, DesignQualityRow, FeasibilityRow,
-    HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow, MetamodelRow, OptimumRow, PosteriorRow,
-    PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SensitivityRow, SignatureRow,
-    TargetRow, ValidationRow, VerdictRow, VerificationRow,
+    AggregateRow, AttributionRow, BeforeAfterRow, BoundRow, CalibrationRow, ConfusionRow, DesignQualityRow,
+    FeasibilityRow, HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow, MetamodelRow, OptimumRow,
+    PosteriorRow, PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SensitivityRow,
+    SignatureRow, TargetRow, ValidationRow, VerdictRow, VerificationRow,
 };
 
 /// How close the study's set-up is to the paper's.
@@ -103,6 +103,8 @@ pub struct Study {
 pub struct Report {
     /// Facts of the study.
     pub study: Study,
+    /// Bounds of the particle density that were found by simulation; none where the study gives them.
+    pub bounds: Vec<BoundRow>,
     /// Design of experiments.
     pub samples: Vec<SampleRow>,
     /// How evenly it fills the unit cube.

@@ -3,7 +3,7 @@
 //! Runs beyond those that every point gets count at the largest n, where `count` says how many there are.
 
 use super::context::text;
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs};
 use crate::config::Config;
 use crate::stats::summary::summarise;
 use crate::tables::Row;
@@ -20,8 +20,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: false,
     settings,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 fn settings(config: &Config) -> SettingsText {

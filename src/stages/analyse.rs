@@ -4,7 +4,7 @@
 //! 2.4 and Fig. 6).
 
 use super::context::text;
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs};
 use crate::config::{Config, Measured, MeasuredSummary};
 use crate::stats::summary::{
     Summary, cumulative, lilliefors_distance, lilliefors_p, lilliefors_p_monte_carlo, mean_interval, plan_repetitions,
@@ -24,8 +24,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: true,
     settings,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 fn settings(config: &Config) -> SettingsText {

@@ -2,7 +2,7 @@
 
 use super::context::text;
 use super::models::{Models, kind};
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations, targets};
+use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs, targets};
 use crate::config::{Approach, Config, Parameter};
 use crate::stats::metamodel::{Kind, Metamodel, Prediction};
 use crate::stats::objective::identifiability::identify;
@@ -35,8 +35,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: true,
     settings,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 /// Starts whose descent is followed to its end, besides the optimum for fewer repetitions.

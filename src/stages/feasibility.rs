@@ -3,7 +3,7 @@
 //! A target outside what the corners and the boundary of the design give cannot be reached without extrapolation, however
 //! well the metamodels are (paper, section 4.1: the bounds "contain the experimentally found calibration targets").
 
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs};
 use crate::config::{Config, Measured, MeasuredSummary};
 use crate::tables::Row;
 use crate::tables::list::{AggregateRow, FeasibilityRow, SampleRow};
@@ -19,8 +19,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: true,
     settings,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 fn settings(config: &Config) -> SettingsText {

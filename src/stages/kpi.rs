@@ -1,7 +1,7 @@
 //! kpi: read every observable off the final state and the trace of every run.
 
 use super::context::text;
-use super::{Context, Outputs, SettingsText, Stage, StageError, design, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError, design, never, no_runs};
 use crate::campaign::KPI_VERSION;
 use crate::config::Config;
 use crate::settings::Scope;
@@ -18,8 +18,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: false,
     settings,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 fn settings(config: &Config) -> SettingsText {

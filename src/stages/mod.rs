@@ -29,15 +29,20 @@ pub use report::{HTML as REPORT_HTML, SUMMARY as REPORT_SUMMARY};
 pub use suggest::{SuggestedPoint, suggest};
 
 use crate::campaign::{CampaignError, Request};
-use crate::config::Config;
+use crate::config::{Config, DensityBounds};
 use crate::tables::TableSpec;
 use std::collections::BTreeMap;
 
 /// Settings of a stage as text, by name: what can make it stale, and what `why` compares.
 pub type SettingsText = BTreeMap<String, String>;
 
-/// Numbers of runs, by experiment.
-pub type RunCounts = BTreeMap<&'static str, usize>;
+/// The simulations that a stage asks for, as far as its inputs tell.
+pub enum Demand {
+    /// These.
+    Runs(Vec<Request>),
+    /// So many of every experiment at most: where they will be is not known yet.
+    AtMost(BTreeMap<&'static str, usize>),
+}
 
 /// Description of a stage.
 pub struct Stage {
@@ -57,14 +62,17 @@ pub struct Stage {
     pub measured: bool,
     /// The only settings that can make it stale.
     pub settings: fn(&Config) -> SettingsText,
+    /// Why a study has no need of it, where it has none: nothing runs then, and nothing is written.
+    pub skipped: fn(&Config) -> Option<&'static str>,
     /// The work.
     pub run: fn(&Context) -> Result<Outputs, StageError>,
-    /// The simulations it asks for, as far as its inputs exist; `None` while an input is missing.
-    pub simulations: fn(&Context) -> Result<Option<Vec<Request>>, StageError>,
+    /// The simulations it asks for.
+    pub demand: fn(&Context) -> Result<Demand, StageError>,
 }
 
 /// All stages in the order of the data.
 pub const STAGES: &[&Stage] = &[
+    &bounds::STAGE,
     &sample::STAGE,
     &simulate::STAGE,
     &kpi::STAGE,
@@ -79,18 +87,28 @@ pub const STAGES: &[&Stage] = &[
     &report::STAGE,
 ];
 
-/// The most runs that a stage can ask for while its [`Stage::simulations`] are unknown; `None` where nobody can tell.
-pub fn foreseen(stage: &Stage, context: &Context) -> Option<RunCounts> {
-    match stage.name {
-        name if name == verify::STAGE.name => Some(verify::foreseen(context)),
-        name if name == validate::STAGE.name => Some(validate::foreseen(context)),
-        _ => None,
+impl Demand {
+    /// `requests` at points between the bounds of the parameters: only their number is known while bounds are sought.
+    fn within_bounds(config: &Config, requests: Vec<Request>) -> Self {
+        if config.bounds.density != DensityBounds::Sought {
+            return Self::Runs(requests);
+        }
+        let mut counts = BTreeMap::new();
+        for request in &requests {
+            *counts.entry(request.experiment.name()).or_default() += 1;
+        }
+        Self::AtMost(counts)
     }
 }
 
+/// For stages that every study needs.
+fn never(_: &Config) -> Option<&'static str> {
+    None
+}
+
 /// For stages that simulate nothing.
-fn no_simulations(_: &Context) -> Result<Option<Vec<Request>>, StageError> {
-    Ok(Some(Vec::new()))
+fn no_runs(_: &Context) -> Result<Demand, StageError> {
+    Ok(Demand::Runs(Vec::new()))
 }
 
 /// The stage called `name`.

@@ -1,6 +1,6 @@
 //! Runs at the optima: which calibrations are simulated, as which points, under which label.
 
-use super::{Context, RunCounts, StageError};
+use super::{Context, Demand, StageError};
 use crate::campaign::{Point, Request};
 use crate::experiments::Experiment;
 use crate::stats::summary::{Summary, summarise};
@@ -71,11 +71,11 @@ pub fn foreseen(
     context: &Context,
     experiments: &[&'static dyn Experiment],
     repetitions: impl Fn(u32) -> u32,
-) -> RunCounts {
+) -> Demand {
     let config = context.config;
     let methods = context.measured.len() * config.metamodel.kinds.len() * config.calibrate.approaches.len();
     let runs: u64 = config.verify.counts.iter().map(|n| u64::from(repetitions(*n))).sum();
-    experiments.iter().map(|experiment| (experiment.name(), methods * runs as usize)).collect()
+    Demand::AtMost(experiments.iter().map(|experiment| (experiment.name(), methods * runs as usize)).collect())
 }
 
 /// Values of every observable by label and observable, and why values are missing.

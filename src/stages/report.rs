@@ -1,17 +1,17 @@
 //! report: one HTML file, one Markdown file, from the tables alone.
 
 use super::context::text;
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
-use crate::config::{Config, Resolution};
+use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs};
+use crate::config::{Config, DensityBounds, Resolution};
 use crate::dem;
 use crate::report::{self, Assumption, Departure, Method, Report};
 use crate::settings::{self, SettingSpec, Settings};
 use crate::tables::list::{
-    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS,
-    DesignQualityRow, FeasibilityRow, HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow,
-    MetamodelRow, OptimumRow, PosteriorRow, PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow,
-    SampleRow, SensitivityRow, SignatureRow, TargetRow, VALIDATE_KPIS, VALIDATE_RUNS, VERIFY_KPIS, VERIFY_RUNS,
-    ValidationRow, VerdictRow, VerificationRow,
+    AggregateRow, AttributionRow, BOUNDS_KPIS, BOUNDS_RUNS, BeforeAfterRow, BoundRow, CalibrationRow, ConfusionRow,
+    DIAGNOSE_KPIS, DIAGNOSE_RUNS, DesignQualityRow, FeasibilityRow, HyperparameterRow, KpiRow, MeasuredAnalysisRow,
+    MeasuredStatisticRow, MetamodelRow, OptimumRow, PosteriorRow, PosteriorSummaryRow, PredictionRow, RecalibrationRow,
+    ResidualRow, RunRow, SampleRow, SensitivityRow, SignatureRow, TargetRow, VALIDATE_KPIS, VALIDATE_RUNS, VERIFY_KPIS,
+    VERIFY_RUNS, ValidationRow, VerdictRow, VerificationRow,
 };
 use crate::tables::{Row, TableSpec};
 use crate::units;
@@ -30,6 +30,9 @@ pub const STAGE: Stage = Stage {
     version: 5,
     purpose: "one HTML file and one Markdown file",
     reads: &[
+        &BOUNDS_RUNS,
+        &BOUNDS_KPIS,
+        BoundRow::SPEC,
         SampleRow::SPEC,
         DesignQualityRow::SPEC,
         RunRow::SPEC,
@@ -67,8 +70,9 @@ pub const STAGE: Stage = Stage {
     files: &[HTML, MARKDOWN, SUMMARY],
     measured: false,
     settings: settings_text,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 fn settings_text(config: &Config) -> SettingsText {
@@ -103,8 +107,16 @@ fn gather(context: &Context) -> Result<Report, StageError> {
     for table in [&VERIFY_KPIS, &VALIDATE_KPIS, &DIAGNOSE_KPIS] {
         kpis.extend(rows::<KpiRow>(context, table)?);
     }
+    // Of a study that gives its bounds there are no such tables; another one in the same store may have left its own.
+    let mut bounds = Vec::new();
+    if context.config.bounds.density == DensityBounds::Found {
+        runs.extend(rows::<RunRow>(context, &BOUNDS_RUNS)?);
+        kpis.extend(rows::<KpiRow>(context, &BOUNDS_KPIS)?);
+        bounds = own(context)?;
+    }
     Ok(Report {
         study: study(context.config),
+        bounds,
         samples: own(context)?,
         design_quality: own(context)?,
         runs,

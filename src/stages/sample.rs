@@ -1,23 +1,24 @@
 //! sample: draw the design of experiments over the parameter ranges.
 
 use super::context::text;
-use super::{Context, Outputs, SettingsText, Stage, StageError, design, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError, design, never, no_runs};
 use crate::config::Config;
 use crate::tables::Row;
-use crate::tables::list::{DesignQualityRow, ReplicationRow, SampleRow};
+use crate::tables::list::{BoundRow, DesignQualityRow, ReplicationRow, SampleRow};
 
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "sample",
     version: 2,
     purpose: "draw the design over the parameter ranges",
-    reads: &[],
+    reads: &[BoundRow::SPEC],
     writes: &[SampleRow::SPEC, ReplicationRow::SPEC, DesignQualityRow::SPEC],
     files: &[],
     measured: false,
     settings,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 fn settings(config: &Config) -> SettingsText {

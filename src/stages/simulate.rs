@@ -1,8 +1,7 @@
 //! simulate: run the DEM model at every design point, as often as the study repeats.
 
 use super::context::text;
-use super::{Context, Outputs, SettingsText, Stage, StageError, design};
-use crate::campaign::Request;
+use super::{Context, Demand, Outputs, SettingsText, Stage, StageError, design, never};
 use crate::config::Config;
 use crate::dem;
 use crate::settings::Scope;
@@ -19,8 +18,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: false,
     settings,
+    skipped: never,
     run,
-    simulations,
+    demand,
 };
 
 fn settings(config: &Config) -> SettingsText {
@@ -43,11 +43,12 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
 }
 
 /// The design need not have been written: drawing it again gives the same points.
-fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
+fn demand(context: &Context) -> Result<Demand, StageError> {
     let written = context.has(SampleRow::SPEC) && context.has(ReplicationRow::SPEC);
     let (samples, replications) = match written {
         true => (context.read()?, context.read()?),
         false => design::draw(context).map(|design| (design.samples, design.replications))?,
     };
-    design::requests(context, &samples, &replications).map(Some)
+    let requests = design::requests(context, &samples, &replications)?;
+    Ok(Demand::within_bounds(context.config, requests))
 }

@@ -2,7 +2,7 @@
 
 use super::context::text;
 use super::models::{Aggregates, Design, kind, options, rows};
-use super::{Context, Outputs, SettingsText, Stage, StageError, no_simulations};
+use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs};
 use crate::config::Config;
 use crate::experiments::{Experiment, Observable};
 use crate::stats::metamodel::{Kind, Metamodel, PartRecord, quality};
@@ -21,8 +21,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: false,
     settings,
+    skipped: never,
     run,
-    simulations: no_simulations,
+    demand: no_runs,
 };
 
 fn settings(config: &Config) -> SettingsText {

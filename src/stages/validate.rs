@@ -2,7 +2,7 @@
 
 use super::context::{run_settings, text};
 use super::optima::{self, Name, Results, finite, percent};
-use super::{Context, Outputs, RunCounts, SettingsText, Stage, StageError};
+use super::{Context, Demand, Outputs, SettingsText, Stage, StageError, never};
 use crate::campaign::Request;
 use crate::config::Config;
 use crate::stats::special::student_t_quantile;
@@ -20,8 +20,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: false,
     settings,
+    skipped: never,
     run,
-    simulations,
+    demand,
 };
 
 fn settings(config: &Config) -> SettingsText {
@@ -37,14 +38,12 @@ fn requests(context: &Context) -> Result<Vec<Request>, StageError> {
     optima::requests(context, &points, &[validate.experiment], |_| validate.repetitions)
 }
 
-fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
-    if context.has(OptimumRow::SPEC) { requests(context).map(Some) } else { Ok(None) }
-}
-
-/// How many runs there are at most, before it is known where.
-pub fn foreseen(context: &Context) -> RunCounts {
+fn demand(context: &Context) -> Result<Demand, StageError> {
+    if context.has(OptimumRow::SPEC) {
+        return requests(context).map(Demand::Runs);
+    }
     let validate = context.config.validate;
-    optima::foreseen(context, &[validate.experiment], |_| validate.repetitions)
+    Ok(optima::foreseen(context, &[validate.experiment], |_| validate.repetitions))
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {

@@ -2,7 +2,7 @@
 
 use super::context::{run_settings, text};
 use super::optima::{self, Name, Results, finite, percent};
-use super::{Context, Outputs, RunCounts, SettingsText, Stage, StageError};
+use super::{Context, Demand, Outputs, SettingsText, Stage, StageError, never};
 use crate::campaign::Request;
 use crate::config::Config;
 use crate::tables::Row;
@@ -18,8 +18,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: false,
     settings,
+    skipped: never,
     run,
-    simulations,
+    demand,
 };
 
 fn settings(config: &Config) -> SettingsText {
@@ -34,13 +35,11 @@ fn requests(context: &Context) -> Result<Vec<Request>, StageError> {
     optima::requests(context, &points, &context.config.experiments(), |name| name.n)
 }
 
-fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
-    if context.has(OptimumRow::SPEC) { requests(context).map(Some) } else { Ok(None) }
-}
-
-/// How many runs there are at most, before it is known where.
-pub fn foreseen(context: &Context) -> RunCounts {
-    optima::foreseen(context, &context.config.experiments(), |n| n)
+fn demand(context: &Context) -> Result<Demand, StageError> {
+    if context.has(OptimumRow::SPEC) {
+        return requests(context).map(Demand::Runs);
+    }
+    Ok(optima::foreseen(context, &context.config.experiments(), |n| n))
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {

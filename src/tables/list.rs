@@ -9,6 +9,46 @@ use super::{Row, TableSpec};
 use crate::table;
 
 table! {
+    /// Bounds of the particle density that a study leaves out, from the measured bulk density by simulation (eqs 2 and 3).
+    pub struct BoundRow in "bounds" version 1 sorted by (parameter, bound) {
+        /// The parameter: particle_density.
+        parameter: String ["1"],
+        /// `lower` or `upper`.
+        bound: String ["1"],
+        /// The bound that all later stages take: `unrounded` rounded outward to three significant digits.
+        value: f64 ["see unit"],
+        /// Measured over simulated bulk density, times the measured particle density.
+        unrounded: f64 ["see unit"],
+        /// Standard error of `unrounded`: both measurements and the simulations.
+        standard_error: f64 ["see unit"],
+        /// The other parameters in the simulations, as `name=value`.
+        others: String ["1"],
+        /// Mean of the simulated bulk densities.
+        simulated_mean: f64 ["see unit"],
+        /// Lower limit of the mean's interval.
+        simulated_mean_lower: Option<f64> ["see unit"],
+        /// Upper limit of the mean's interval.
+        simulated_mean_upper: Option<f64> ["see unit"],
+        /// Standard deviation of the simulated bulk densities.
+        simulated_sd: Option<f64> ["see unit"],
+        /// Simulations that gave a bulk density; all stand in `bounds_kpis`.
+        count: u32 ["1"],
+        /// Measured data set that the next columns are of.
+        measured: String ["1"],
+        /// Measured mean bulk density.
+        measured_bulk_density: f64 ["see unit"],
+        /// Its standard error.
+        measured_bulk_density_error: f64 ["see unit"],
+        /// Measured mean density of the grains, with which the simulations ran.
+        measured_particle_density: f64 ["see unit"],
+        /// Its standard error.
+        measured_particle_density_error: f64 ["see unit"],
+        /// Unit of all values.
+        unit: String ["1"],
+    }
+}
+
+table! {
     /// Design of experiments: one row per design point and parameter.
     pub struct SampleRow in "samples" version 1 sorted by (point, parameter) {
         /// Design point, from 1.
@@ -796,6 +836,10 @@ table! {
     }
 }
 
+/// Runs behind bounds of the particle density, with the columns of `runs`.
+pub static BOUNDS_RUNS: TableSpec = TableSpec { name: "bounds_runs", ..*RunRow::SPEC };
+/// Observables of the runs behind bounds of the particle density, with the columns of `kpis`.
+pub static BOUNDS_KPIS: TableSpec = TableSpec { name: "bounds_kpis", ..*KpiRow::SPEC };
 /// Runs at the optima, with the columns of `runs`.
 pub static VERIFY_RUNS: TableSpec = TableSpec { name: "verify_runs", ..*RunRow::SPEC };
 /// Observables of the runs at the optima, with the columns of `kpis`.
@@ -811,6 +855,9 @@ pub static DIAGNOSE_KPIS: TableSpec = TableSpec { name: "diagnose_kpis", ..*KpiR
 
 /// Every table of the lake, in the order in which the stages write them.
 pub const TABLES: &[&TableSpec] = &[
+    &BOUNDS_RUNS,
+    &BOUNDS_KPIS,
+    BoundRow::SPEC,
     SampleRow::SPEC,
     ReplicationRow::SPEC,
     DesignQualityRow::SPEC,

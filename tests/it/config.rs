@@ -277,6 +277,24 @@ fn mistakes_are_answered_with_line_reason_and_remedy() {
             ),
             "`parameters.pile.depth` stands twice; remove one",
         ),
+        // Bounds of the particle density may be left out together, those of others may not.
+        (
+            plus("[parameters.particle_density]\nupper = 2800"),
+            "pipeline.toml:11: `parameters.particle_density.lower`: key is missing; add it, or leave out both bounds",
+        ),
+        (plus("[parameters.damping]"), "`parameters.damping.lower`: key is missing; add it (lower bound)"),
+        (
+            instead("[parameters.sliding_friction]\nlower = 0.1\nupper = 0.9", "[parameters.particle_density]"),
+            "`parameters.particle_density`: bounds come from the ends of the other parameters, of which there is none",
+        ),
+        (
+            plus("[parameters.particle_density]\n[experiments]\nfitted = [\"pile\"]"),
+            "`experiments.fitted`: lacks bulk_density, whose test gives the bounds",
+        ),
+        (
+            plus("[parameters.particle_density]\n[setup]\nparticle_density = 2500"),
+            "pipeline.toml:11: `parameters.particle_density.lower`: is calibrated, but [setup] fixes it",
+        ),
         (plus("[metamodel]\nkind = [\"sk\"]"), "unknown key `kind`; did you mean `kinds`?"),
         (
             plus("[parameters.slope_operator]\nlower = 0\nupper = 1"),
@@ -299,7 +317,10 @@ fn mistakes_are_answered_with_line_reason_and_remedy() {
         ),
         (plus("[design]\ninterior = \"3\""), "a whole number is expected, but this is the text \"3\""),
         (plus("design = 3"), "pipeline.toml:11: unknown key `design`; it is a section of its own, [design]"),
-        (plus("[design]\nrepetitions = 3"), "unknown key `repetitions`; it belongs to [study] or [validate]"),
+        (
+            plus("[design]\nrepetitions = 3"),
+            "unknown key `repetitions`; it belongs to [study] or [bounds] or [validate]",
+        ),
         (
             format!("design = 3\n{MINIMAL}"),
             "pipeline.toml:1: `design` is a section; write [design] on a line of its own",

@@ -1,6 +1,6 @@
 //! Failures are data: a run without a result is a row with a reason, and everything else goes on.
 
-use crate::support::Study;
+use crate::support::{Study, idle};
 use granulake::campaign::RunRecord;
 use granulake::tables::{AggregateRow, KpiRow, RunRow};
 
@@ -91,7 +91,7 @@ fn a_failed_run_is_tried_again_on_demand_only() {
     assert_eq!((retried.code, failed(&study)), (Some(0), 0), "{}", retried.err);
     study.assert_outputs(&whole, "after the failed run came to its end");
     let done = study.repro(&["--retry-failed"]);
-    assert!(done.values().all(|action| action == "fresh"), "there is nothing to try again: {done:?}");
+    assert!(done.values().all(|action| idle(action)), "there is nothing to try again: {done:?}");
 }
 
 #[test]

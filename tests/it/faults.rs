@@ -1,7 +1,7 @@
 //! Faults: kills, damage, full and read-only disks, two processes at once, clocks and paths. Whatever happens, nothing is
 //! lost, nothing wrong is called up to date, and the end is byte for byte that of an undisturbed run.
 
-use crate::support::Study;
+use crate::support::{Study, idle};
 use granulake::rng::Stream;
 use granulake::stages::STAGES;
 use granulake::store::table;
@@ -53,7 +53,7 @@ fn random_kills_lose_nothing_and_leave_nothing_wrong() {
     assert!(study.succeed(&["gc", "--delete"]).out.contains("deleted"));
     study.assert_outputs(&undisturbed, "after what the kills left was deleted");
     let again = study.repro(&[]);
-    assert!(again.values().all(|action| action == "fresh"), "{again:?}");
+    assert!(again.values().all(|action| idle(action)), "{again:?}");
     assert_eq!(study.run(&["fsck", "--full"]).code, Some(0));
     eprintln!("{killed} kills, {ends} studies to their end between them, {:.0} s", clock.elapsed().as_secs_f64());
 }
@@ -287,7 +287,10 @@ fn spaces_and_letters_beyond_ascii_are_fine_in_every_path() {
     }
     let root = study.path("eine Studie/der läke, 2 砂");
     for stage in STAGES {
-        for spec in stage.writes {
+        // A stage that is skipped writes nothing.
+        for spec in
+            stage.writes.iter().filter(|spec| undisturbed.contains_key(&format!("artifacts/{}", table::index(spec))))
+        {
             let name = format!("artifacts/{}", table::index(spec));
             assert!(fs::read(root.join(table::index(spec))).expect("a table") == undisturbed[&name], "{name} differs");
         }

@@ -222,7 +222,7 @@ fn bounds_of_the_density_bring_the_simulated_bulk_density_to_the_measured_one() 
     for bound in ["lower", "upper"] {
         // Eqs 2 and 3.
         let wanted = measured / number(bound, "simulated_mean") * 2500.0;
-        assert!((number(bound, "value") - wanted).abs() < 1e-9 * wanted && number(bound, "standard_error") > 0.0);
+        assert!((number(bound, "unrounded") - wanted).abs() < 1e-9 * wanted && number(bound, "standard_error") > 0.0);
     }
     let text = study.succeed(&asked[..5]).out;
     assert!(text.contains("[parameters.particle_density]\nlower = ") && study.runs() == 6, "{text}");

@@ -1,6 +1,7 @@
 //! The integration tests: one binary, one module per subject.
 
 mod attribution;
+mod bounds;
 mod challenge;
 mod closed_loop;
 mod config;
@@ -16,6 +17,7 @@ mod incremental;
 mod laboratory;
 mod layering;
 mod least_squares;
+mod metamodels;
 mod oracles_design;
 mod oracles_gp;
 mod oracles_statistics;

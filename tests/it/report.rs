@@ -84,6 +84,7 @@ fn every_value_of_the_result_tables_is_shown() {
         holds(&text, "25.43 [24.84, 26.02]");
         holds(&text, "1473.1 [1470.0, 1476.2]");
         holds(&text, "31.2");
+        holds(&text, "2637.7 ± 12.3");
         for verdict in &report.verdicts {
             holds(&text, &verdict.sentence);
             holds(&text, &verdict.direction);

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::tables::{AggregateRow, RunRow, SampleRow};
+use crate::tables::{AggregateRow, BoundRow, RunRow, SampleRow};
 
 use super::super::charts::{Line, LineChart, Node};
 use super::super::document::{Block, Cell, Figure, Section, Table, Tone, cell, optional, text};
@@ -41,8 +41,38 @@ fn design(report: &Report) -> Vec<Block> {
     let repeated = repetitions.map_or("not simulated yet".to_string(), |n| format!("up to {n} repetitions of each"));
     vec![Block::Paragraph(text(format!("Design points: {}; {repeated}.", said.join(", ")))), bounds(report)]
         .into_iter()
+        .chain(found_bounds(report))
         .chain(distances(report))
         .collect()
+}
+
+/// Bounds that the study left out, with what they come from.
+fn found_bounds(report: &Report) -> Option<Block> {
+    if report.bounds.is_empty() {
+        return None;
+    }
+    let headings =
+        ["bound", "others at", "#simulations", "#simulated bulk density", "#by eqs 2 and 3", "#taken", "unit"];
+    let first = &report.bounds[0];
+    let caption = format!(
+        "Bounds of the particle density by simulation, rounded outward: bulk density {} and particle density {} kg/m³ \
+         measured ({})",
+        fixed(first.measured_bulk_density, 1),
+        fixed(first.measured_particle_density, 1),
+        first.measured
+    );
+    let row = |row: &BoundRow| {
+        vec![
+            cell(row.bound.clone()),
+            cell(row.others.clone()),
+            cell(count(row.count as usize)),
+            cell(fixed(row.simulated_mean, 1)),
+            cell(format!("{} ± {}", fixed(row.unrounded, 1), fixed(row.standard_error, 1))),
+            cell(trimmed(row.value, 5)),
+            cell(words::unit(&row.unit)),
+        ]
+    };
+    Some(Block::Table(Table::new(&caption, &headings).with_rows(report.bounds.iter().map(row))))
 }
 
 /// How far the points keep from each other.

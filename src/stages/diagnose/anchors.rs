@@ -14,6 +14,7 @@ use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
 use crate::stats::metamodel::Observations;
 use crate::stats::points::Points;
 use crate::stats::summary::{mean, sd};
+use rayon::prelude::*;
 
 /// Runs of all candidates, and of the plain model in the centre of the parameter space.
 pub struct Anchors {
@@ -87,10 +88,12 @@ fn jobs(context: &Context) -> Result<(Vec<Job>, AnchorPoints), StageError> {
     let diagnose = &context.config.diagnose;
     let centre = point_at(context, 1, &vec![0.5; context.config.parameters.len()])?;
     let mut jobs = vec![job(context, "anchors".to_owned(), centre, diagnose.refine_repetitions)];
+    let cubes: Vec<Points> =
+        context.campaign.install(|| diagnose.candidates.par_iter().map(|name| hypercube(context, name)).collect());
     let mut plan = Vec::new();
-    for name in &diagnose.candidates {
+    for (name, cube) in diagnose.candidates.iter().zip(cubes) {
         let effect = context.config.effects.library.find(name).map_err(CampaignError::from)?;
-        let unit = anchor_points(context, name, &*effect);
+        let unit = anchor_points(&cube, &*effect);
         for (index, x) in unit.rows().enumerate() {
             let (u, place) = x.split_at(x.len() - 1);
             let strength = strength_at(effect.range(), place[0]);
@@ -113,11 +116,17 @@ pub fn place_of((lower, upper): (f64, f64), strength: f64) -> f64 {
     (strength - lower) / (upper - lower)
 }
 
-fn anchor_points(context: &Context, name: &str, effect: &dyn Effect) -> Points {
+/// The hypercube of an effect over the parameters and the place of its strength.
+fn hypercube(context: &Context, name: &str) -> Points {
     let p = context.config.parameters.len();
     let annealing = Annealing { seed: context.seed(&format!("anchors {name}")), ..Annealing::default() };
     let number = context.config.diagnose.anchors as usize;
-    let cube = conditional_latin_hypercube(number, &Points::empty(p + 1), &annealing).points;
+    conditional_latin_hypercube(number, &Points::empty(p + 1), &annealing).points
+}
+
+/// The same, denser at small strengths where the effect is one-sided.
+fn anchor_points(cube: &Points, effect: &dyn Effect) -> Points {
+    let p = cube.dimension() - 1;
     let mut points = Points::empty(p + 1);
     for row in cube.rows() {
         let mut x = row.to_vec();

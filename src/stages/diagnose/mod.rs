@@ -27,8 +27,7 @@ pub use panel::{Panel, PanelRows};
 
 use super::context::{run_settings, text};
 use super::models::Models;
-use super::{Context, Outputs, SettingsText, Stage, StageError};
-use crate::campaign::Request;
+use super::{Context, Demand, Outputs, SettingsText, Stage, StageError, never};
 use crate::config::{Config, Measured};
 use crate::tables::Row;
 use crate::tables::list::{
@@ -61,8 +60,9 @@ pub const STAGE: Stage = Stage {
     files: &[],
     measured: true,
     settings,
+    skipped: never,
     run,
-    simulations,
+    demand,
 };
 
 fn settings(config: &Config) -> SettingsText {
@@ -139,8 +139,8 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
 }
 
 /// The anchors; how many runs at the optima follow, nobody knows before they are diagnosed.
-fn simulations(context: &Context) -> Result<Option<Vec<Request>>, StageError> {
-    anchors::requests(context).map(Some)
+fn demand(context: &Context) -> Result<Demand, StageError> {
+    Ok(Demand::within_bounds(context.config, anchors::requests(context)?))
 }
 
 /// Names of the controls of a set.

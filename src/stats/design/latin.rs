@@ -68,6 +68,24 @@ fn repulsion(squared: f64) -> f64 {
     eighth * eighth
 }
 
+/// Largest of numbers that are not negative, in lanes that the compiler makes vectors of.
+fn largest(values: &[f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let larger = |lane: &mut f64, value: f64| *lane = if value > *lane { value } else { *lane };
+    let (chunks, rest) = values.as_chunks();
+    chunks
+        .iter()
+        .for_each(|chunk: &[f64; 8]| lanes.iter_mut().zip(chunk).for_each(|(lane, value)| larger(lane, *value)));
+    lanes.into_iter().chain(rest.iter().copied()).fold(0.0, |most, value| if value > most { value } else { most })
+}
+
+/// Sums of four rows of one length, each in its own order, side by side: one sum alone waits for every addition.
+fn sums(rows: [&[f64]; 4]) -> [f64; 4] {
+    let [a, b, c, d] = rows;
+    let columns = a.iter().zip(b).zip(c.iter().zip(d));
+    columns.fold([0.0; 4], |[w, x, y, z], ((a, b), (c, d))| [w + a, x + b, y + c, z + d])
+}
+
 struct Search {
     /// New points; the given ones follow them in every column.
     n: usize,
@@ -177,9 +195,10 @@ impl Search {
         // The distance between the two does not change and is left out on both sides.
         self.repulsions(0, i, [i, j], Some((d, self.columns[d][j])));
         self.repulsions(1, j, [i, j], Some((d, self.columns[d][i])));
-        let row_sum = |k: usize| self.pairs[k * width..(k + 1) * width].iter().sum::<f64>();
-        let before = row_sum(i) + row_sum(j) - 2.0 * self.pairs[i * width + j];
-        let after: f64 = self.trial.iter().map(|row| row.iter().sum::<f64>()).sum();
+        let row = |k: usize| &self.pairs[k * width..(k + 1) * width];
+        let [of_i, of_j, new_i, new_j] = sums([row(i), row(j), &self.trial[0], &self.trial[1]]);
+        let before = of_i + of_j - 2.0 * self.pairs[i * width + j];
+        let after = new_i + new_j;
         let energy = self.energy + after - before;
         let growth = libm::log(energy / self.energy) / POWER;
         if growth <= 0.0 || self.stream.uniform() < libm::exp(-growth / temperature) {
@@ -203,12 +222,8 @@ impl Search {
     /// Finds the pair of largest repulsion; with a given point, the new one stands for both.
     fn find_nearest(&mut self) {
         let width = self.width();
-        let (mut largest, mut place) = (0.0, 0);
-        for (index, &value) in self.pairs.iter().enumerate() {
-            if value > largest {
-                (largest, place) = (value, index);
-            }
-        }
+        let largest = largest(&self.pairs);
+        let place = self.pairs.iter().position(|value| *value == largest).unwrap_or_default();
         let (i, j) = (place / width, place % width);
         self.nearest = [i, if j < self.n { j } else { i }];
     }

@@ -208,6 +208,60 @@ fn few_refined_starts_find_what_a_hundred_descents_find() {
     }
 }
 
+/// Of a hundred seeded starts the best few descend, and beside them the optimum of fewer repetitions, once per process.
+#[test]
+fn the_best_few_starts_and_the_previous_optimum_are_refined() {
+    let (few, more) = (observe(40, 3, 0.0, 14), observe(40, 6, 0.0, 14));
+    let defaults = Options::default();
+    assert_eq!(defaults.starts, 100);
+    for &kind in Kind::ALL {
+        let descents = |warm: &[PartRecord]| {
+            let options = Options { warm: warm.to_vec(), ..Options::default() };
+            let records = Metamodel::fit(kind, &more, &options).unwrap().records();
+            records.iter().map(|record| record.descents).collect::<Vec<_>>()
+        };
+        let previous = Metamodel::fit(kind, &few, &defaults).unwrap().records();
+        let cold = descents(&[]);
+        assert!(cold.iter().all(|number| *number == defaults.refined), "{kind:?} {cold:?}");
+        assert!(descents(&previous).iter().all(|number| *number == defaults.refined + 1), "{kind:?}");
+        // The optimum of another kind is no start.
+        let other = if kind == Kind::Ibm { Kind::Sk } else { Kind::Ibm };
+        assert_eq!(descents(&Metamodel::fit(other, &few, &defaults).unwrap().records()), cold, "{kind:?}");
+    }
+}
+
+/// Two points in one place make a noiseless covariance singular: the jitter grows tenfold until it can be factorised, is
+/// stored, and restores the same model; where it may not grow so far, the failure says what was tried.
+#[test]
+fn jitter_grows_where_it_must_and_is_stored() {
+    let mut data = observe(20, 4, 0.0, 13);
+    let mut rows: Vec<Vec<f64>> = data.points.rows().map(<[f64]>::to_vec).collect();
+    rows[1] = rows[0].clone();
+    data.points = Points::from_rows(&rows, P).unwrap();
+    let with = |first: f64, limit: f64| {
+        let options = Options { starts: 10, refined: 2, jitter: Jitter { first, limit }, ..Options::default() };
+        Metamodel::fit(Kind::Ibm, &data, &options)
+    };
+    let model = with(1e-19, 1e-4).unwrap();
+    let jitter = model.records()[0].jitter;
+    assert!(jitter > 1e-18 && jitter < 1e-10, "{jitter:e}");
+    let tenfold = libm::log10(jitter / 1e-19);
+    assert!((tenfold - libm::round(tenfold)).abs() < 1e-9, "{jitter:e}");
+    let restored = Metamodel::restore(&model.records(), &data).unwrap();
+    assert_eq!(model.predict(&[0.3; P]), restored.predict(&[0.3; P]));
+    let refused = with(1e-19, 1e-18).unwrap_err();
+    assert!(matches!(refused, MetamodelError::Linalg(LinalgError::NotPositiveDefinite { size: 20, .. })), "{refused}");
+    assert_eq!(with(1e-6, 1e-4).unwrap().records()[0].jitter, 1e-6, "no more than it takes");
+}
+
+/// Eq. 15 by hand: differences 1 and -1 about a mean of 2, then of -4.
+#[test]
+fn nrmse_is_the_root_mean_square_over_the_mean() {
+    let found = quality::error(&[2.0, 2.0], &[1.0, 3.0]);
+    assert_eq!((found.rmse, found.nrmse), (1.0, 0.5));
+    assert_eq!(quality::error(&[-4.0, -4.0], &[-3.0, -5.0]).nrmse, 0.25);
+}
+
 #[test]
 fn threads_do_not_change_a_bit() {
     let data = observe(30, 5, 0.0, 12);
@@ -217,5 +271,6 @@ fn threads_do_not_change_a_bit() {
             pool.install(|| fit(kind, &data).records())
         };
         assert_eq!(run(1), run(2), "{kind:?}");
+        assert_eq!(run(1), run(3), "{kind:?}");
     }
 }

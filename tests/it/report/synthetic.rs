@@ -2,10 +2,10 @@
 
 use granulake::report::{Assumption, Departure, Method, Report, Resolution, Study};
 use granulake::tables::{
-    AggregateRow, AttributionRow, BeforeAfterRow, CalibrationRow, ConfusionRow, DesignQualityRow, FeasibilityRow,
-    HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow, MetamodelRow, OptimumRow, PosteriorRow,
-    PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SensitivityRow, SignatureRow,
-    TargetRow, ValidationRow, VerdictRow, VerificationRow,
+    AggregateRow, AttributionRow, BeforeAfterRow, BoundRow, CalibrationRow, ConfusionRow, DesignQualityRow,
+    FeasibilityRow, HyperparameterRow, KpiRow, MeasuredAnalysisRow, MeasuredStatisticRow, MetamodelRow, OptimumRow,
+    PosteriorRow, PosteriorSummaryRow, PredictionRow, RecalibrationRow, ResidualRow, RunRow, SampleRow, SensitivityRow,
+    SignatureRow, TargetRow, ValidationRow, VerdictRow, VerificationRow,
 };
 
 const SETS: [&str; 2] = ["demo", "paper"];
@@ -207,8 +207,32 @@ fn calibration(report: &mut Report, wobble: &mut Wobble) {
     }
 }
 
+/// A bound of the particle density that was found by simulation.
+fn bound(name: &str) -> BoundRow {
+    BoundRow {
+        parameter: "particle_density".into(),
+        bound: name.into(),
+        value: 2630.0,
+        unrounded: 2637.7,
+        standard_error: 12.3,
+        others: "sliding_friction=0.1".into(),
+        simulated_mean: 1292.0,
+        simulated_mean_lower: Some(1286.1),
+        simulated_mean_upper: Some(1297.8),
+        simulated_sd: Some(8.2),
+        count: 10,
+        measured: "paper".into(),
+        measured_bulk_density: 1473.1,
+        measured_bulk_density_error: 1.5,
+        measured_particle_density: 2313.4,
+        measured_particle_density_error: 9.5,
+        unit: "kg/m3".into(),
+    }
+}
+
 /// What the measured data are worth: single values in one data set, a published summary in the other.
 fn laboratory(report: &mut Report, wobble: &mut Wobble) {
+    report.bounds = ["lower", "upper"].map(bound).to_vec();
     for (index, set) in ["boundary", "interior", "validation"].into_iter().enumerate() {
         report.design_quality.push(DesignQualityRow {
             set: set.into(),
