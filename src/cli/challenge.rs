@@ -149,7 +149,7 @@ fn solve(study: &Path, dir: &Path, without: Option<&str>, jobs: usize) -> Result
         return Err(format!("`{name}` is no candidate of the study; these are: {known}").into());
     }
     let options = Options { jobs, progress: true, retry_failed: false };
-    repro(&mut study, &Request { target: stages::find("train"), force: false, options }, |_, _| {})?;
+    repro(&mut study, &Request { target: stages::find("train"), options, ..Request::default() }, |_, _| {})?;
     let campaign = study.campaign(options)?;
     let solution = dir.join(TABLES);
     if solution.exists() {

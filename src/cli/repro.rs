@@ -43,6 +43,10 @@ pub struct Arguments {
     /// Run failed simulations again.
     #[arg(long)]
     retry_failed: bool,
+    /// Go on without simulations that failed, or with `=false` stop after the stage they belong to.
+    #[arg(long, value_name = "BOOL", require_equals = true, num_args = 0..=1, default_value_t = true,
+        default_missing_value = "true", action = clap::ArgAction::Set)]
+    keep_going: bool,
     /// Print what was done as JSON.
     #[arg(long)]
     json: bool,
@@ -67,7 +71,7 @@ pub fn run(path: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         return super::plan::print(&study, target, arguments.json);
     }
     let options = Options { jobs: arguments.jobs, progress: true, retry_failed: arguments.retry_failed };
-    let request = Request { target, force: arguments.force, options };
+    let request = Request { target, force: arguments.force, stop_at_failure: !arguments.keep_going, options };
     let mut done = Vec::new();
     let mut clock = Instant::now();
     let warnings = repro(&mut study, &request, |stage, action| {

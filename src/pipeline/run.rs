@@ -57,6 +57,8 @@ pub struct Request {
     pub target: Option<&'static Stage>,
     /// Run the target (or everything) even if it is up to date, and compare the bytes.
     pub force: bool,
+    /// Go no further than a stage with failed simulations.
+    pub stop_at_failure: bool,
     /// How runs are made.
     pub options: Options,
 }
@@ -66,7 +68,7 @@ pub struct Request {
 /// was found to have lost; a store that nothing was asked of is not looked into.
 ///
 /// # Errors
-/// The first stage that fails, or a store that cannot be written.
+/// The first stage that fails, or that has failed simulations where these are to stop it, or a store that cannot be written.
 pub fn repro(
     study: &mut Study,
     request: &Request,
@@ -85,17 +87,20 @@ pub fn repro(
         let retry = request.options.retry_failed && fresh && has_failed_runs(study, stage)?;
         if fresh && !forced && !retry {
             report(stage.name, Action::Kept);
-            continue;
+        } else {
+            let driver = match &mut driver {
+                Some(driver) => driver,
+                none => none.insert(Driver::open(study, request.options)?),
+            };
+            let action = driver.update(study, &mut lock, stage, forced)?;
+            if stage.name == bounds::STAGE.name {
+                study.take_bounds(&lock)?;
+            }
+            report(stage.name, action);
         }
-        let driver = match &mut driver {
-            Some(driver) => driver,
-            none => none.insert(Driver::open(study, request.options)?),
-        };
-        let action = driver.update(study, &mut lock, stage, forced)?;
-        if stage.name == bounds::STAGE.name {
-            study.take_bounds(&lock)?;
+        if request.stop_at_failure && has_failed_runs(study, stage)? {
+            return Err(PipelineError::FailedRuns { stage: stage.name });
         }
-        report(stage.name, action);
     }
     match driver {
         Some(driver) => driver.finish(),

@@ -56,6 +56,15 @@ pub enum PipelineError {
         /// The pin.
         path: PathBuf,
     },
+    /// Simulations failed, and nobody wanted to go on without them.
+    #[error(
+        "simulations of stage {stage} failed, and --keep-going=false stops there; what is done is kept, `granulake query \
+         \"SELECT reason, count(*) FROM runs GROUP BY reason\"` says why"
+    )]
+    FailedRuns {
+        /// The stage.
+        stage: &'static str,
+    },
     /// No stage has this name.
     #[error("no stage is called `{name}`; there are: {known}")]
     UnknownStage {

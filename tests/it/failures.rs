@@ -22,7 +22,11 @@ fn a_limit_of_steps_makes_typed_failures_and_the_rest_goes_on() {
     assert!(long < 5, "the longest run is one of few, not of {long}");
 
     study.edit("pipeline.toml", "seed = 7", &format!("seed = 7\nstep_limit = {limit}"));
-    let ended = study.run(&["repro"]);
+    let stopped = study.run(&["repro", "--keep-going=false"]);
+    assert_eq!(stopped.code, Some(1), "{}", stopped.err);
+    assert!(stopped.err.contains("simulations of stage simulate failed"), "{}", stopped.err);
+    assert!(!stopped.err.contains("\ntrain"), "nothing after it ran: {}", stopped.err);
+    let ended = study.run(&["repro", "--keep-going"]);
     assert_eq!(ended.code, Some(4), "{}", ended.err);
     let known = study.plan("simulate", &[]);
     assert_eq!((known["new_runs"].as_u64(), study.runs() >= stored), (Some(0), true), "{known}");
