@@ -91,7 +91,7 @@ impl SpdFactor {
         2.0 * diagonal.iter().map(|&pivot| libm::log(pivot)).sum::<f64>()
     }
 
-    /// L⁻¹ b.
+    /// L⁻¹ b, shape (n) as b.
     pub fn half_solve(&self, b: &[f64]) -> Vec<f64> {
         let (lower, n) = (self.lower.as_slice(), self.size());
         let mut x = b.to_vec();
@@ -104,7 +104,7 @@ impl SpdFactor {
         x
     }
 
-    /// L⁻ᵀ b.
+    /// L⁻ᵀ b, shape (n) as b.
     pub fn transposed_half_solve(&self, b: &[f64]) -> Vec<f64> {
         let (lower, n) = (self.lower.as_slice(), self.size());
         let mut x = b.to_vec();
@@ -116,7 +116,7 @@ impl SpdFactor {
         x
     }
 
-    /// K⁻¹ b.
+    /// K⁻¹ b, shape (n) as b.
     pub fn solve(&self, b: &[f64]) -> Vec<f64> {
         self.transposed_half_solve(&self.half_solve(b))
     }

@@ -134,7 +134,8 @@ impl Offset {
     pub fn sentence(&self) -> String {
         let one = |(name, p): &(String, f64)| format!("{name} (p = {p:.3} by itself)");
         let names = self.sources.iter().map(one).collect::<Vec<_>>().join(", ");
-        format!("the model's own offset was taken off as seen in {names}")
+        let alone = if self.sources.len() == 1 { ", and as if it were the same at all parameters" } else { "" };
+        format!("the model's own offset was taken off as seen in {names}{alone}")
     }
 }
 
