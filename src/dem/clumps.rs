@@ -130,7 +130,7 @@ impl Clumps {
         let members: Vec<u32> = (first..grains.len() as u32).collect();
         for &i in &members {
             grains.place[i as usize][3] = radius;
-            grains.spin[i as usize][3] = 1.0 / inertia[1];
+            grains.inverse_inertia[i as usize] = 1.0 / inertia[1];
         }
         self.owner.resize(first as usize, FREE);
         self.owner.resize(grains.len(), self.bodies.len() as u32);

@@ -57,8 +57,8 @@ pub struct Response<T> {
     pub force: [T; 3],
     /// Torque on `i` [N m].
     pub torque_i: [T; 3],
-    /// Torque on `j` [N m].
-    pub torque_j: [T; 3],
+    /// Opposite of the torque on `j` [N m].
+    pub counter_torque_j: [T; 3],
     /// The springs at the end of the step.
     pub springs: Springs<T>,
 }
@@ -121,7 +121,7 @@ pub fn respond<T: Number>(
     Response {
         force: add(scale(n, normal), friction),
         torque_i: sub(couple, scale(lever, arm_i)),
-        torque_j: minus(add(couple, scale(lever, arm_j))),
+        counter_torque_j: add(couple, scale(lever, arm_j)),
         springs: Springs { sliding, rolling },
     }
 }
@@ -259,20 +259,20 @@ mod tests {
     /// Friction is limited to μ_s |F_n| and the rolling torque to μ_r |F_n| D, which is μ_r |F_n| R between equal spheres.
     #[test]
     fn friction_and_rolling_torque_meet_their_limits() {
-        let Response { force, torque_i, torque_j, .. } = response();
+        let Response { force, torque_i, counter_torque_j, .. } = response();
         let normal = dot(force, NORMAL);
         let friction = sub(force, scale(NORMAL, normal));
         assert!((length(friction) / (0.4 * normal) - 1.0).abs() < 1e-12);
         // The torques of friction are equal on equal spheres, those of rolling opposite.
-        let couple = scale(sub(torque_i, torque_j), 0.5);
+        let couple = scale(add(torque_i, counter_torque_j), 0.5);
         assert!((length(couple) / (0.2 * normal * 0.01) - 1.0).abs() < 1e-12);
     }
 
     /// No net torque about any point: T_i + T_j + (x_i - x_j) × F = 0.
     #[test]
     fn torques_balance() {
-        let Response { force, torque_i, torque_j, .. } = response();
-        let net = add(add(torque_i, torque_j), cross(scale(NORMAL, 0.019), force));
+        let Response { force, torque_i, counter_torque_j, .. } = response();
+        let net = add(sub(torque_i, counter_torque_j), cross(scale(NORMAL, 0.019), force));
         assert!(length(net) < 1e-13, "{net:?}");
     }
 }

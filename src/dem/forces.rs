@@ -4,11 +4,11 @@
 //! Listed contacts that do not touch go along in their lane and give zero; a vector in which none touches is left early.
 
 use super::contact::{Coefficients, Constants, Kinematics, Response, Springs, respond};
-use super::lanes::{Lanes, Mask, Number, Rows, Transposer, Truths, WIDTH};
+use super::lanes::{LaneRows, Lanes, Mask, Number, Transposer, Truths, WIDTH};
 use super::lists::{Block, Entries, PairList, Pairs, Rivals, Row, WallList};
 use super::particles::Particles;
 use super::setup::Vec3;
-use super::vector::{Row8, dot, pick, scale, splat, sub, xyz};
+use super::vector::{Row4, Row8, dot, pick, scale, splat, sub, xyz};
 use super::walls::{Geometry, Surface, WallPiece, keeper};
 use pulp::{Simd, WithSimd};
 
@@ -91,7 +91,7 @@ impl WithSimd for WallForces<'_> {
             if list.of_wall(w).is_empty() {
                 continue;
             }
-            let mut pass = WallPass { kernel, grains, list, rivals, walls, wall: w, law, inherit };
+            let mut pass = WallPass { kernel, rows: Rows::of(grains), list, rivals, walls, wall: w, law, inherit };
             deep |= match &wall.surface {
                 Surface::Plane(plane) => pass.run(plane),
                 Surface::Rectangle(rectangle) => pass.run(rectangle),
@@ -114,12 +114,32 @@ struct Kernel<S: Simd> {
     transposer: Transposer<S>,
 }
 
-/// Contacts of one vector, as far as their places tell.
+/// Rows of all grains, cut to one length: an index that is good for one of them is good for all, and is checked once.
+struct Rows<'a> {
+    place: &'a [Row4],
+    motion: &'a [Row4],
+    spin: &'a [Row4],
+    load: &'a mut [Row8],
+}
+
+impl<'a> Rows<'a> {
+    #[inline(always)]
+    fn of(grains: &'a mut Particles) -> Self {
+        let Particles { place, motion, spin, load, .. } = grains;
+        let count = place.len();
+        Self { place, motion: &motion[..count], spin: &spin[..count], load: &mut load[..count] }
+    }
+}
+
+/// Pairs of one vector, as far as their places tell.
 struct Touch<S: Simd> {
-    normal: [Lanes<S>; 3],
-    overlap: Lanes<S>,
-    arm_i: Lanes<S>,
-    arm_j: Lanes<S>,
+    /// d = x_i - x_j and its square.
+    between: [Lanes<S>; 3],
+    square: Lanes<S>,
+    /// R_i + R_j.
+    sum: Lanes<S>,
+    /// Which pairs touch.
+    active: Truths<S>,
 }
 
 impl<S: Simd> Kernel<S> {
@@ -138,18 +158,19 @@ impl<S: Simd> Kernel<S> {
     ) -> bool {
         let count = list.len();
         let mut deep = false;
+        let rows = Rows::of(grains);
         let (ends, _) = list.ends.as_chunks::<WIDTH>();
         let Entries { blocks, live, .. } = &mut list.entries;
         for (b, ((block, live), ends)) in blocks.iter_mut().zip(live).zip(ends).enumerate() {
             let was_live = std::mem::replace(live, false);
             for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
                 let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
-                let (touch, active, too_deep) = self.touch::<ACROSS>(grains, ends, filled, period);
-                deep |= too_deep;
-                if active.any() {
-                    let response = self.respond_pairs(grains, ends, &touch, block, part, law);
-                    self.store_springs(&response.springs, active, block, part);
-                    self.add_pair_loads(&response, active, &mut grains.load, ends);
+                let touch = self.touch::<ACROSS>(&rows, ends, filled, period);
+                if touch.active.any() {
+                    let (response, too_deep) = self.respond_pairs(&rows, ends, &touch, block, part, law);
+                    self.store_springs(&response.springs, touch.active, block, part);
+                    self.add_pair_loads(&response, touch.active, rows.load, ends);
+                    deep |= too_deep;
                     *live = true;
                 } else if was_live {
                     self.void_springs(block, part);
@@ -159,57 +180,48 @@ impl<S: Simd> Kernel<S> {
         deep
     }
 
-    /// Normals n = d/|d|, overlaps δ = R_i + R_j - |d| and arms R - δ/2; which pairs touch; whether one is too deep.
+    /// Which pairs touch.
     #[inline(always)]
-    fn touch<const ACROSS: bool>(
-        self,
-        grains: &Particles,
-        ends: &[[u32; 2]],
-        filled: Truths<S>,
-        period: f64,
-    ) -> (Touch<S>, Truths<S>, bool) {
-        let [x, y, z, radius_i] = self.transposer.gather(|l| *grains.place[ends[l][0] as usize]);
-        let [u, v, w, radius_j] = self.transposer.gather(|l| *grains.place[ends[l][1] as usize]);
-        let v = if ACROSS { v - v.splat(period) } else { v };
-        let between = sub([x, y, z], [u, v, w]);
-        let (square, sum) = (dot(between, between), radius_i + radius_j);
-        let active = square.less(sum * sum) & filled;
-        let smaller = Lanes::pick(radius_i.less(radius_j), radius_i, radius_j);
-        let least = sum - sum.splat(MAX_OVERLAP) * smaller;
-        let deep = square.less(least * least) & filled;
-        let distance = square.sqrt();
-        let overlap = sum - distance;
-        let half = overlap.splat(0.5) * overlap;
-        let normal = scale(between, sum.splat(1.0) / distance);
-        (Touch { normal, overlap, arm_i: radius_i - half, arm_j: radius_j - half }, active, deep.any())
+    fn touch<const ACROSS: bool>(self, rows: &Rows, ends: &[[u32; 2]], filled: Truths<S>, period: f64) -> Touch<S> {
+        let (a, b) = (|l: usize| *rows.place[ends[l][0] as usize], |l: usize| *rows.place[ends[l][1] as usize]);
+        let [x, y, z, sum] = self.transposer.gather_between(a, b);
+        let y = if ACROSS { y + y.splat(period) } else { y };
+        let between = [x, y, z];
+        let square = dot(between, between);
+        Touch { between, square, sum, active: square.less(sum * sum) & filled }
     }
 
+    /// Applies the law to pairs that touch, with normals n = d/|d|, overlaps δ = R_i + R_j - |d| and arms R - δ/2; tells
+    /// whether an overlap is too deep.
     #[inline(always)]
     fn respond_pairs(
         self,
-        grains: &Particles,
+        rows: &Rows,
         ends: &[[u32; 2]],
         touch: &Touch<S>,
         block: &Block,
         part: usize,
         law: &Coefficients,
-    ) -> Response<Lanes<S>> {
-        let [vx, vy, vz, _] = self.transposer.gather(|l| {
-            let (v, w) = (&grains.motion[ends[l][0] as usize], &grains.motion[ends[l][1] as usize]);
-            [v[0] - w[0], v[1] - w[1], v[2] - w[2], v[3] - w[3]]
-        });
-        let [ax, ay, az, _] = self.transposer.gather(|l| *grains.spin[ends[l][0] as usize]);
-        let [bx, by, bz, _] = self.transposer.gather(|l| *grains.spin[ends[l][1] as usize]);
+    ) -> (Response<Lanes<S>>, bool) {
+        let (a, b) = (|l: usize| *rows.motion[ends[l][0] as usize], |l: usize| *rows.motion[ends[l][1] as usize]);
+        let [vx, vy, vz, _] = self.transposer.gather_between(a, b);
+        let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0] as usize]);
+        let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1] as usize]);
+        let distance = touch.square.sqrt();
+        let overlap = touch.sum - distance;
+        let smaller = Lanes::pick(radius_i.less(radius_j), radius_i, radius_j);
+        let deep = touch.active & (overlap.splat(MAX_OVERLAP) * smaller).less(overlap);
+        let half = overlap.splat(0.5) * overlap;
         let contact = Kinematics {
-            normal: touch.normal,
-            overlap: touch.overlap,
+            normal: scale(touch.between, overlap.splat(1.0) / distance),
+            overlap,
             velocity: [vx, vy, vz],
             spin_i: [ax, ay, az],
             spin_j: [bx, by, bz],
-            arm_i: touch.arm_i,
-            arm_j: touch.arm_j,
+            arm_i: radius_i - half,
+            arm_j: radius_j - half,
         };
-        respond(&contact, &self.constants(block, part), &self.springs(block, part), law)
+        (respond(&contact, &self.constants(block, part), &self.springs(block, part), law), deep.any())
     }
 
     #[inline(always)]
@@ -260,7 +272,8 @@ impl<S: Simd> Kernel<S> {
     #[inline(always)]
     fn add_pair_loads(self, response: &Response<Lanes<S>>, active: Truths<S>, load: &mut [Row8], ends: &[[u32; 2]]) {
         let force = self.rows(active, response.force);
-        let (torque_i, torque_j) = (self.rows(active, response.torque_i), self.rows(active, response.torque_j));
+        let (torque_i, counter_torque_j) =
+            (self.rows(active, response.torque_i), self.rows(active, response.counter_torque_j));
         for (l, &[i, j]) in ends.iter().enumerate().take(S::F64_LANES) {
             let row = &mut load[i as usize];
             for c in 0..4 {
@@ -270,14 +283,14 @@ impl<S: Simd> Kernel<S> {
             let row = &mut load[j as usize];
             for c in 0..4 {
                 row[c] -= force.of(l)[c];
-                row[c + 4] += torque_j.of(l)[c];
+                row[c + 4] -= counter_torque_j.of(l)[c];
             }
         }
     }
 
     /// Rows of the lanes that touch, zero for the others.
     #[inline(always)]
-    fn rows(self, active: Truths<S>, lanes: [Lanes<S>; 3]) -> Rows<S> {
+    fn rows(self, active: Truths<S>, lanes: [Lanes<S>; 3]) -> LaneRows<S> {
         self.transposer.rows(pick(active, lanes, [Lanes::zero(self.simd); 3]))
     }
 }
@@ -285,7 +298,7 @@ impl<S: Simd> Kernel<S> {
 /// All contacts with one wall.
 struct WallPass<'a, S: Simd> {
     kernel: Kernel<S>,
-    grains: &'a mut Particles,
+    rows: Rows<'a>,
     list: &'a mut WallList,
     rivals: &'a Rivals,
     walls: &'a [WallPiece],
@@ -319,7 +332,7 @@ impl<S: Simd> WallPass<'_, S> {
         let Kernel { simd, transposer } = self.kernel;
         let mut grain = [0; WIDTH];
         grain[..S::F64_LANES].copy_from_slice(&self.list.grain[base..base + S::F64_LANES]);
-        let [x, y, z, radius] = transposer.gather(|l| *self.grains.place[grain[l] as usize]);
+        let [x, y, z, radius] = transposer.gather(|l| *self.rows.place[grain[l] as usize]);
         let near = surface.near([x, y, z]);
         let overlap = radius - near.distance;
         let zero = Lanes::zero(simd);
@@ -335,8 +348,8 @@ impl<S: Simd> WallPass<'_, S> {
             return (false, false);
         }
         let deep = active & (radius.splat(MAX_OVERLAP) * radius).less(overlap);
-        let [vx, vy, vz, _] = transposer.gather(|l| *self.grains.motion[grain[l] as usize]);
-        let [wx, wy, wz, _] = transposer.gather(|l| *self.grains.spin[grain[l] as usize]);
+        let [vx, vy, vz, _] = transposer.gather(|l| *self.rows.motion[grain[l] as usize]);
+        let [wx, wy, wz, _] = transposer.gather(|l| *self.rows.spin[grain[l] as usize]);
         let contact = Kinematics {
             normal: near.normal,
             overlap,
@@ -349,7 +362,7 @@ impl<S: Simd> WallPass<'_, S> {
         let (constants, springs) = (self.kernel.constants(block, part), self.kernel.springs(block, part));
         let response = respond(&contact, &constants, &springs, self.law);
         self.kernel.store_springs(&response.springs, active, block, part);
-        add_loads(&self.kernel, &response, active, &mut self.grains.load, &grain);
+        add_loads(&self.kernel, &response, active, self.rows.load, &grain);
         (true, deep.any())
     }
 
@@ -361,7 +374,7 @@ impl<S: Simd> WallPass<'_, S> {
         let mut kept = Lanes::pick(edges, zero, zero.splat(1.0)).numbers();
         for (l, kept) in kept.iter_mut().enumerate().take(S::F64_LANES).filter(|(_, kept)| **kept == 0.0) {
             let grain = self.list.grain[base + l];
-            *kept = f64::from(u8::from(!self.drops(base + l, grain, xyz(&self.grains.place[grain as usize]))));
+            *kept = f64::from(u8::from(!self.drops(base + l, grain, xyz(&self.rows.place[grain as usize]))));
         }
         zero.less(Lanes::load(self.kernel.simd, &kept, 0))
     }

@@ -32,13 +32,13 @@ impl WithSimd for Integration<'_> {
         let drift = [self.drift[0], self.drift[1], self.drift[2], 0.0];
         // The fourth number of each row stays as it is, because its step is zero.
         let step = [self.time_step, self.time_step, self.time_step, 0.0];
-        let Particles { place, motion, spin, load, .. } = self.grains;
-        let rows = place.iter_mut().zip(motion).zip(spin).zip(load).zip(self.bases);
+        let Particles { place, motion, spin, inverse_inertia, load, .. } = self.grains;
+        let rows = place.iter_mut().zip(motion).zip(spin).zip(inverse_inertia).zip(load).zip(self.bases);
         let mut outrun = false;
-        for ((((place, motion), spin), load), base) in rows {
+        for (((((place, motion), spin), inverse_inertia), load), base) in rows {
             // Whole rows are read first and written last, so that the compiler may take each as one vector.
             let (mut x, mut v, mut w, f, from) = (place.0, motion.0, spin.0, load.0, base.0);
-            let (inverse_mass, inverse_inertia) = (v[3], w[3]);
+            let (inverse_mass, inverse_inertia) = (v[3], *inverse_inertia);
             let mut moved = [0.0; 4];
             for c in 0..4 {
                 v[c] += step[c] * (f[c] * inverse_mass + gravity[c]);

@@ -221,28 +221,49 @@ impl<S: Simd> Transposer<S> {
     /// Lanes from the rows that `row` gives for each of them.
     #[inline(always)]
     pub fn gather(self, row: impl Fn(usize) -> [f64; 4]) -> [Lanes<S>; 4] {
+        self.lanes(self.in_slots(row))
+    }
+
+    /// Lanes from two rows each: the differences of the first three numbers, the sum of the fourth.
+    #[inline(always)]
+    pub fn gather_between(self, a: impl Fn(usize) -> [f64; 4], b: impl Fn(usize) -> [f64; 4]) -> [Lanes<S>; 4] {
+        let (mut a, b, sign) = (self.in_slots(a), self.in_slots(b), self.in_slots(|_| [-0.0, -0.0, -0.0, 0.0]));
+        for k in 0..4 {
+            a[k] = self.0.add_f64s(a[k], self.0.xor_f64s(b[k], sign[k]));
+        }
+        self.lanes(a)
+    }
+
+    /// The rows of all lanes as the shuffles take them.
+    #[inline(always)]
+    fn in_slots(self, row: impl Fn(usize) -> [f64; 4]) -> [S::f64s; 4] {
         let mut rows = [self.0.splat_f64s(0.0); 4];
         for (slot, place) in cast_slice_mut::<S::f64s, [f64; 4]>(&mut rows).iter_mut().enumerate() {
             *place = row(Self::SLOT[slot]);
         }
+        rows
+    }
+
+    #[inline(always)]
+    fn lanes(self, rows: [S::f64s; 4]) -> [Lanes<S>; 4] {
         let [a, b, c, d] = self.0.deinterleave_shfl_f64s(rows);
         [Lanes(self.0, a), Lanes(self.0, b), Lanes(self.0, c), Lanes(self.0, d)]
     }
 
     /// Rows (x, y, z, 0) from lanes.
     #[inline(always)]
-    pub fn rows(self, [x, y, z]: [Lanes<S>; 3]) -> Rows<S> {
+    pub fn rows(self, [x, y, z]: [Lanes<S>; 3]) -> LaneRows<S> {
         let zero = self.0.splat_f64s(0.0);
-        Rows(self.0.interleave_shfl_f64s([x.1, y.1, z.1, zero]))
+        LaneRows(self.0.interleave_shfl_f64s([x.1, y.1, z.1, zero]))
     }
 }
 
 /// Rows made of lanes.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub struct Rows<S: Simd>([S::f64s; 4]);
+pub struct LaneRows<S: Simd>([S::f64s; 4]);
 
-impl<S: Simd> Rows<S> {
+impl<S: Simd> LaneRows<S> {
     /// The row of a lane.
     #[inline(always)]
     pub fn of(&self, lane: usize) -> &[f64; 4] {

@@ -52,4 +52,4 @@ pub use stl::{StlError, mesh};
 pub use world::World;
 
 /// Version of the simulated physics; raised with every change that alters the bits of a result. Part of every run's key.
-pub const PHYSICS_VERSION: u32 = 2;
+pub const PHYSICS_VERSION: u32 = 3;

@@ -53,7 +53,7 @@ impl World {
         }
         for i in (0..self.len()).filter(|i| self.clumps.of_grain(*i).is_none()) {
             let (v, w) = self.velocities(i);
-            let (mass, inertia) = (self.grains.mass(i), 1.0 / self.grains.spin[i][3]);
+            let (mass, inertia) = (self.grains.mass(i), 1.0 / self.grains.inverse_inertia[i]);
             sum.translational += 0.5 * mass * dot(v, v);
             sum.rotational += 0.5 * inertia * dot(w, w);
             sum.potential -= mass * dot(self.gravity, xyz(&self.grains.place[i]));
@@ -111,7 +111,7 @@ impl World {
         self.sum(
             |i, mass, v, w| {
                 let orbital = cross(xyz(&self.grains.place[i]), v);
-                let inertia = 1.0 / self.grains.spin[i][3];
+                let inertia = 1.0 / self.grains.inverse_inertia[i];
                 [0, 1, 2].map(|c| mass * orbital[c] + inertia * w[c])
             },
             |body| add(scale(cross(body.centre, body.velocity), body.mass), body.momentum),

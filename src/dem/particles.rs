@@ -39,8 +39,10 @@ pub struct Particles {
     pub place: Vec<Row4>,
     /// Velocity [m/s] and inverse mass [1/kg].
     pub motion: Vec<Row4>,
-    /// Angular velocity [rad/s] and inverse moment of inertia 5/(2 m R²) [1/(kg m²)].
+    /// Angular velocity [rad/s] and, again, the radius R [m]: a contact needs both at once.
     pub spin: Vec<Row4>,
+    /// Inverse moment of inertia, 5/(2 m R²) for a sphere [1/(kg m²)].
+    pub inverse_inertia: Vec<f64>,
     /// Force [N], 0, torque [N m], 0.
     pub load: Vec<Row8>,
     /// Own sliding and rolling friction over the law's [-].
@@ -49,13 +51,14 @@ pub struct Particles {
     pub id: Vec<u32>,
 }
 
-stored!(Particles { place, motion, spin, load, friction, id });
+stored!(Particles { place, motion, spin, inverse_inertia, load, friction, id });
 
 impl Particles {
     /// Whether every array has one entry per grain.
     pub fn is_consistent(&self) -> bool {
-        let lengths = [self.motion.len(), self.spin.len(), self.load.len(), self.friction.len(), self.id.len()];
-        lengths == [self.len(); 5]
+        let Self { place, motion, spin, inverse_inertia, load, friction, id } = self;
+        let lengths = [motion.len(), spin.len(), inverse_inertia.len(), load.len(), friction.len(), id.len()];
+        lengths == [place.len(); 6]
     }
 
     /// Number of grains.
@@ -71,7 +74,8 @@ impl Particles {
         self.id.push(self.len() as u32);
         self.place.push(row(grain.position, grain.radius));
         self.motion.push(row(grain.velocity, 1.0 / mass));
-        self.spin.push(row(grain.spin, 1.0 / inertia));
+        self.spin.push(row(grain.spin, grain.radius));
+        self.inverse_inertia.push(1.0 / inertia);
         self.load.push(Row8::default());
         self.friction.push([grain.sliding_factor, grain.rolling_factor]);
     }
@@ -86,6 +90,7 @@ impl Particles {
         gather(&mut self.place, &other.place, order);
         gather(&mut self.motion, &other.motion, order);
         gather(&mut self.spin, &other.spin, order);
+        gather(&mut self.inverse_inertia, &other.inverse_inertia, order);
         gather(&mut self.load, &other.load, order);
         gather(&mut self.friction, &other.friction, order);
         gather(&mut self.id, &other.id, order);

@@ -10,8 +10,10 @@ use super::setup::Vec3;
 use super::vector::{Row4, dot, length, scale, sub, xyz};
 use super::walls::WallPiece;
 
-/// Steps that a skin should last.
-const HORIZON: f64 = 35.0;
+/// What a rebuild costs over what listing pairs in vain costs, see [`Skin::horizon`]; the run time is flat from 2 to 8.
+const BALANCE: f64 = 4.0;
+/// Fewest and most steps that a skin should last.
+const HORIZON: [f64; 2] = [20.0, 1000.0];
 /// Share of the root mean square speed added to every grain's own: a slow grain may be hit by a fast one.
 const SHARE: f64 = 0.3;
 /// Smallest skin over mean radius.
@@ -29,8 +31,7 @@ pub struct Skin {
     floor: f64,
     cap: f64,
     time_step: f64,
-    /// Speed gained by a free grain over the horizon [m/s].
-    gain: f64,
+    mean_radius: f64,
     /// Mean velocity at the last rebuild [m/s].
     drift: Vec3,
     /// Allowance for motion against walls [m].
@@ -41,7 +42,7 @@ pub struct Skin {
 
 impl Skin {
     /// Skins for grains of this mean radius [m].
-    pub fn new(mean_radius: f64, time_step: f64, gravity: Vec3) -> Self {
+    pub fn new(mean_radius: f64, time_step: f64) -> Self {
         Self {
             base: Vec::new(),
             spare: Vec::new(),
@@ -49,7 +50,7 @@ impl Skin {
             floor: FLOOR * mean_radius,
             cap: CAP * mean_radius,
             time_step,
-            gain: 0.5 * HORIZON * time_step * length(gravity),
+            mean_radius,
             drift: [0.0; 3],
             allowance: 0.0,
             age: 0,
@@ -111,23 +112,32 @@ impl Skin {
         self.drift = scale(total, share);
         let speed = |motion: &Row4| length(sub(xyz(motion), self.drift));
         let square: f64 = grains.motion.iter().map(|motion| speed(motion) * speed(motion)).sum();
-        let common = SHARE * (square * share).sqrt() + self.gain;
-        let ahead = HORIZON * self.time_step;
+        let common = SHARE * (square * share).sqrt();
+        let mean = grains.motion.iter().map(speed).sum::<f64>() * share;
+        let horizon = self.horizon(mean + common);
+        let ahead = horizon * self.time_step;
         self.spare.clear();
         for motion in &grains.motion {
             self.spare.push((ahead * (speed(motion) + common)).clamp(self.floor, self.cap));
         }
-        self.allow(walls);
+        self.allow(walls, horizon);
         let reach = |(skin, place): (&f64, &Row4)| place[3] * (1.0 + 0.5 * rupture) + skin;
         self.spare.iter().zip(&grains.place).map(reach).fold(self.floor, f64::max)
     }
 
+    /// Steps that skins should last at this mean speed v [m/s]: H = √(b R / (v Δt)). Rebuilds cost ∝ 1/H a step and pairs
+    /// listed in vain ∝ H v Δt / R, so this H makes their sum least: tens of steps in a flow, hundreds in a bed at rest, whose
+    /// few grains that rattle would else force one rebuild after the other.
+    fn horizon(&self, speed: f64) -> f64 {
+        (BALANCE * self.mean_radius / (speed * self.time_step)).sqrt().clamp(HORIZON[0], HORIZON[1])
+    }
+
     /// Allowance and lifetime from the drift and the fastest wall.
-    fn allow(&mut self, walls: &[WallPiece]) {
+    fn allow(&mut self, walls: &[WallPiece], horizon: f64) {
         let fastest =
             walls.iter().filter(|wall| wall.active).map(|wall| dot(wall.velocity, wall.velocity)).fold(0.0, f64::max);
         let travel = (length(self.drift) + fastest.sqrt()) * self.time_step;
-        self.allowance = (HORIZON * travel).max(self.floor);
+        self.allowance = (horizon * travel).max(self.floor);
         // A float too large for the integer saturates, and no motion at all gives a list that lasts for ever.
         self.lifetime = (self.allowance / travel) as u64;
     }
