@@ -129,7 +129,7 @@ impl Clumps {
         let momentum = add(scale(clump.spin, inertia[1]), scale(axis, along * (inertia[0] - inertia[1])));
         let members: Vec<u32> = (first..grains.len() as u32).collect();
         for &i in &members {
-            grains.place[i as usize][3] = radius;
+            grains.set_radius(i as usize, radius);
             grains.inverse_inertia[i as usize] = 1.0 / inertia[1];
         }
         self.owner.resize(first as usize, FREE);

@@ -85,6 +85,12 @@ impl Particles {
         1.0 / self.motion[i][3]
     }
 
+    /// Changes the radius of grain `i` [m], and nothing that follows from it.
+    pub fn set_radius(&mut self, i: usize, radius: f64) {
+        self.place[i][3] = radius;
+        self.spin[i][3] = radius;
+    }
+
     /// Becomes `other`'s grains in the given order, keeping only those listed.
     pub fn gather(&mut self, other: &Self, order: &[u32]) {
         gather(&mut self.place, &other.place, order);

@@ -673,7 +673,7 @@ mod tests {
         let steps = |world: &mut World, count| (0..count).for_each(|_| world.step().unwrap());
         let mut undisturbed = start(Arch::Scalar);
         steps(&mut undisturbed, 3000);
-        assert!(undisturbed.coordination_number() > 0.3 && undisturbed.clumps().len() > 5);
+        assert!(undisturbed.coordination_number() > 0.5 && undisturbed.clumps().len() > 5);
         let mut world = start(Arch::new());
         steps(&mut world, 1500);
         let mut bytes = Vec::new();

@@ -9,7 +9,7 @@ use granulake::stats::metamodel::{Kind, Metamodel, Observations, Options};
 use granulake::stats::points::Points;
 use granulake::{dem, units};
 
-const SIMULATE: &str = "984226a1fd355b3af8cb25e8d94344086e5701b209956f86c9776a2a1029ebcb";
+const SIMULATE: &str = "f7ac894ee1403ac8f0624cba7bd40a2d276717a7f1aa2c919310bac04b86c33c";
 const TRAIN: &str = "cb300caa10fdcdfe0ed5b4308ea395398b9daa7909d568d95b5e26f9cbaeb504";
 
 fn hash(numbers: impl IntoIterator<Item = f64>) -> Digest {
