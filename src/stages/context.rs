@@ -51,12 +51,15 @@ pub struct Context<'a> {
     known: Option<Known<'a>>,
 }
 
+/// Gives the part that was made for a key, if it is in place.
+pub type PartOf<'a> = dyn Fn(&Digest) -> Option<Part> + Sync + 'a;
+
 /// What the stage wrote when it last ran.
 pub struct Known<'a> {
     /// Hash of what all its parts depend on: the stage, its version and its settings but for the repetitions.
     pub recipe: Digest,
     /// The part that was made for a key, if it is in place.
-    pub part: Box<dyn Fn(&Digest) -> Option<Part> + Sync + 'a>,
+    pub part: Box<PartOf<'a>>,
 }
 
 impl<'a> Context<'a> {
