@@ -1,76 +1,115 @@
 //! A store with many finished runs that nobody simulated, for `lake_scale.sh`.
 //!
-//! `cargo bench --bench lake_scale -- FOLDER N` writes a study of 127 points in three experiments with N/381 repetitions
-//! and ledgers that hold a made-up record of every run: the scale of the paper's study for N = 19,050. Everything from
-//! `repro simulate` on is then done by the real binary.
+//! `cargo bench --bench lake_scale -- FOLDER N POINTS` writes a study of so many points in three experiments with
+//! N/(3 POINTS) repetitions and ledgers that hold a made-up record of every run: the scale of the paper's study for
+//! N = 19,050 and 127 points. `… -- FOLDER more` asks for one repetition more and makes up its records, as a campaign
+//! leaves them. Everything from `repro simulate` on is then done by the real binary.
 
-use granulake::campaign::{KpiRecord, Options, Request, RunRecord, kpi_key};
+use granulake::campaign::{KpiRecord, Options, PROVENANCE, Request, RunRecord, kpi_key};
 use granulake::canonical::Digest;
 use granulake::pipeline::{Study, run};
 use granulake::stages::{self, Demand};
 use granulake::store::{Ledger, Store};
+use granulake::tables::ProvenanceRow;
 use std::error::Error;
 use std::path::Path;
 
-/// Runs of one repetition: 27 points on the boundary and 100 inside, three experiments.
-const RUNS_PER_REPETITION: u32 = 127 * 3;
+/// Fitted experiments of the study.
+const EXPERIMENTS: u32 = 3;
+/// Points on the boundary of the design.
+const BOUNDARY: u32 = 27;
 /// Records appended at a time.
 const CHUNK: usize = 20_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
     // cargo passes `--bench` on to the binary.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
-    let [folder, runs] = arguments.as_slice() else {
-        println!("lake_scale: no folder given, nothing to do; see benches/lake_scale.sh");
-        return Ok(());
-    };
-    let path = Path::new(folder).join("pipeline.toml");
-    std::fs::create_dir_all(folder)?;
-    std::fs::write(path.with_file_name("paper.csv"), include_str!("../artifacts/measured/fransen2022.csv"))?;
-    std::fs::write(&path, study((runs.parse::<u32>()? / RUNS_PER_REPETITION).max(1)))?;
-    fill(&mut Study::load(&path)?)
-}
-
-fn study(repetitions: u32) -> String {
-    let shipped = include_str!("../studies/fransen2022.toml");
-    let end = shipped.find("[[measured]]").unwrap_or(shipped.len());
-    let mut lines: Vec<String> = shipped[..end].lines().map(str::to_owned).collect();
-    for line in &mut lines {
-        if line.starts_with("repetitions") {
-            *line = format!("repetitions = {repetitions}");
-        }
-        if line.starts_with("artifacts") {
-            "artifacts = \"artifacts\"".clone_into(line);
-        }
-        if line.starts_with("validation") {
-            "validation = 0".clone_into(line);
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match arguments.as_slice() {
+        [folder, "more"] => grow(&Path::new(folder).join("pipeline.toml")),
+        [folder, runs, points] => start(Path::new(folder), runs.parse()?, points.parse()?),
+        _ => {
+            println!("lake_scale: no folder given, nothing to do; see benches/lake_scale.sh");
+            Ok(())
         }
     }
+}
+
+/// Writes the study and its ledgers.
+fn start(folder: &Path, runs: u32, points: u32) -> Result<(), Box<dyn Error>> {
+    std::fs::create_dir_all(folder)?;
+    std::fs::write(folder.join("paper.csv"), include_str!("../artifacts/measured/fransen2022.csv"))?;
+    let path = folder.join("pipeline.toml");
+    std::fs::write(&path, study((runs / (EXPERIMENTS * points)).max(1), points.saturating_sub(BOUNDARY)))?;
+    let mut study = Study::load(&path)?;
+    run::repro(&mut study, &run::Request { target: stages::find("sample"), ..run::Request::default() }, |_, _| {})?;
+    let requests = requests(&study)?;
+    make_up(study.store(), &requests)?;
+    study.campaign(Options::default())?.compact()?;
+    println!("{} runs in {}", requests.len(), study.store().root().display());
+    Ok(())
+}
+
+/// One repetition more of every point.
+fn grow(path: &Path) -> Result<(), Box<dyn Error>> {
+    let study = Study::load(path)?;
+    study.store().claim()?;
+    let before = study.config.study.repetitions;
+    drop(study);
+    let text = std::fs::read_to_string(path)?;
+    let line = |repetitions: u32| format!("repetitions = {repetitions}\n");
+    std::fs::write(path, text.replacen(&line(before), &line(before + 1), 1))?;
+    let study = Study::load(path)?;
+    let new: Vec<Request> = requests(&study)?.into_iter().filter(|request| request.repetition == before + 1).collect();
+    make_up(study.store(), &new)?;
+    println!("{} runs more in {}", new.len(), study.store().root().display());
+    Ok(())
+}
+
+fn study(repetitions: u32, interior: u32) -> String {
+    let shipped = include_str!("../studies/fransen2022.toml");
+    let end = shipped.find("[[measured]]").unwrap_or(shipped.len());
+    let changed = [
+        ("repetitions", format!("repetitions = {repetitions}")),
+        ("artifacts", "artifacts = \"artifacts\"".to_owned()),
+        // Spreading thousands of points well would take longer than all the rest.
+        ("interior", format!("interior = {interior}\nfilling = \"sobol\"")),
+        ("validation", "validation = 0".to_owned()),
+    ];
+    let line = |line: &str| {
+        let new = changed.iter().find(|(name, _)| line.starts_with(name));
+        new.map_or_else(|| line.to_owned(), |(_, new)| new.clone())
+    };
+    let lines: Vec<String> = shipped[..end].lines().map(line).collect();
     lines.join("\n") + "\n[[measured]]\nname = \"paper\"\npath = \"paper.csv\"\ncomparable = true\n"
 }
 
-fn fill(study: &mut Study) -> Result<(), Box<dyn Error>> {
-    run::repro(study, &run::Request { target: stages::find("sample"), ..run::Request::default() }, |_, _| {})?;
+/// The runs that the study asks for.
+fn requests(study: &Study) -> Result<Vec<Request>, Box<dyn Error>> {
     let simulate = stages::find("simulate").ok_or("no stage simulate")?;
-    let demand = (simulate.demand)(&study.context(&study.campaign(Options::default())?))?;
-    let Demand::Runs(requests) = demand else { return Err("no samples".into()) };
-    let store: &Store = study.store();
+    match (simulate.demand)(&study.context(&study.campaign(Options::default())?))? {
+        Demand::Runs(requests) => Ok(requests),
+        Demand::Besides(..) | Demand::AtMost(_) => Err("not all runs are asked for".into()),
+    }
+}
+
+/// Puts a record of each of these runs into the ledgers.
+fn make_up(store: &Store, requests: &[Request]) -> Result<(), Box<dyn Error>> {
     let object = store.put_object(b"the final state of a run that was never made")?;
     let (runs, kpis): (Ledger<RunRecord>, Ledger<KpiRecord>) = (store.ledger("runs")?, store.ledger("kpis")?);
+    let provenance: Ledger<ProvenanceRow> = store.ledger(PROVENANCE)?;
     for chunk in requests.chunks(CHUNK) {
-        let mut run_records = Vec::new();
-        let mut kpi_records = Vec::new();
+        let (mut run_records, mut kpi_records, mut costs) = (Vec::new(), Vec::new(), Vec::new());
         for request in chunk {
             let (record, observables) = made_up(request, object)?;
+            costs.push(cost(&record, request));
             run_records.push(record);
             kpi_records.extend(observables);
         }
         runs.append(&run_records)?;
         kpis.append(&kpi_records)?;
+        provenance.replace(&costs)?;
     }
-    runs.compact()?;
-    kpis.compact()?;
-    println!("{} runs in {}", requests.len(), store.root().display());
     Ok(())
 }
 
@@ -107,4 +146,21 @@ fn made_up(request: &Request, object: Digest) -> Result<(RunRecord, Vec<KpiRecor
         trace: Some(state),
     };
     Ok((run, kpis))
+}
+
+/// What the run cost.
+fn cost(record: &RunRecord, request: &Request) -> ProvenanceRow {
+    let noise = record.time_s.unwrap_or_default();
+    ProvenanceRow {
+        key: record.run_key.clone(),
+        subject: "run".to_owned(),
+        name: request.experiment.name().to_owned(),
+        wall_s: 60.0 * noise,
+        cpu_s: Some(59.0 * noise),
+        version: "0.1.0".to_owned(),
+        commit: "none".to_owned(),
+        compiler: "none".to_owned(),
+        target: "none".to_owned(),
+        processor: "none".to_owned(),
+    }
 }

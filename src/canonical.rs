@@ -68,6 +68,12 @@ impl Encoder {
         self
     }
 
+    /// Appends what another encoder holds, as if its calls had been made here.
+    pub fn append(&mut self, other: &Self) -> &mut Self {
+        self.bytes.extend_from_slice(&other.bytes);
+        self
+    }
+
     fn tagged(&mut self, tag: u8, bytes: &[u8]) -> &mut Self {
         self.bytes.push(tag);
         self.bytes.extend_from_slice(&(bytes.len() as u64).to_le_bytes());

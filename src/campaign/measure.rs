@@ -1,7 +1,6 @@
 //! Observables of runs: read off final state and trace, once per run and way of measuring.
 
 use super::records::{FAILED, KpiRecord, OK, state_from, trace_from};
-use super::request::encode;
 use super::{Campaign, CampaignError, Request};
 use crate::canonical::{Digest, Encoder, digest};
 use crate::dem::{State, TracePoint};
@@ -64,8 +63,7 @@ impl Campaign {
 /// A setting that is NaN.
 pub fn kpi_key(request: &Request, run_key: &str, state: &str, settings: &Settings) -> Result<Digest, CampaignError> {
     let mut encoder = Encoder::new();
-    encoder.u64(KPI_VERSION).str(run_key).str(state);
-    encode(&mut encoder, &settings.for_experiment(request.experiment.name(), Scope::Measure))?;
+    encoder.u64(KPI_VERSION).str(run_key).str(state).append(&request.told(settings, Scope::Measure)?);
     Ok(digest(KPI_CONTEXT, &encoder))
 }
 

@@ -21,11 +21,12 @@ use crate::canonical::{CanonicalError, Digest};
 use crate::dem;
 use crate::effects::EffectError;
 use crate::experiments::SetupError;
-use crate::settings::{Settings, SettingsError};
+use crate::settings::SettingsError;
 use crate::store::{Ledger, Store, StoreError, Warning};
 use crate::tables::TableError;
 use crate::tables::list::{ProvenanceRow, RunRow};
 use rayon::prelude::*;
+use request::{Resolved, resolve};
 use std::collections::BTreeMap;
 
 /// The ledger of what results were made by and what they cost.
@@ -107,13 +108,6 @@ enum Standing {
     Outdated,
 }
 
-/// A request with its resolved settings and key.
-struct Resolved<'a> {
-    request: &'a Request,
-    settings: Settings,
-    key: Digest,
-}
-
 /// How many runs of an experiment are asked for, how many of them the store lacks, and what one costs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outlook {
@@ -168,12 +162,26 @@ impl Campaign {
     /// # Errors
     /// Settings that make no set-up, or a store that cannot be read or written.
     pub fn simulate(&self, requests: &[Request]) -> Result<Vec<RunRow>, CampaignError> {
-        let resolved = self.resolve(requests)?;
+        self.compute(requests)?;
+        self.rows(requests)
+    }
+
+    /// Simulates what the store lacks of the requests.
+    ///
+    /// # Errors
+    /// Settings that make no set-up, or a store that cannot be read or written.
+    pub fn compute(&self, requests: &[Request]) -> Result<(), CampaignError> {
+        let resolved = self.pool.install(|| resolve(requests))?;
         let missing = self.missing(&resolved);
-        if !missing.is_empty() {
-            self.compute(&missing)?;
-        }
-        resolved.iter().map(|run| self.run_row(run)).collect()
+        if missing.is_empty() { Ok(()) } else { self.run_all(&missing) }
+    }
+
+    /// One row per request, in order, of runs that the store has.
+    ///
+    /// # Errors
+    /// [`CampaignError::LostRun`] for one that it lacks.
+    pub fn rows(&self, requests: &[Request]) -> Result<Vec<RunRow>, CampaignError> {
+        self.pool.install(|| resolve(requests)?.par_iter().map(|run| self.run_row(run)).collect())
     }
 
     /// How many of the requests are new and what a run costs, by experiment.
@@ -181,7 +189,7 @@ impl Campaign {
     /// # Errors
     /// Settings that make no set-up.
     pub fn outlook(&self, requests: &[Request]) -> Result<BTreeMap<&'static str, Outlook>, CampaignError> {
-        let resolved = self.resolve(requests)?;
+        let resolved = self.pool.install(|| resolve(requests))?;
         let mut outlook: BTreeMap<&'static str, Outlook> = BTreeMap::new();
         for run in self.missing(&resolved) {
             outlook.entry(run.request.experiment.name()).or_default().missing += 1;
@@ -251,24 +259,12 @@ impl Campaign {
         Ok(())
     }
 
-    fn resolve<'a>(&self, requests: &'a [Request]) -> Result<Vec<Resolved<'a>>, CampaignError> {
-        self.pool.install(|| {
-            requests
-                .par_iter()
-                .map(|request| {
-                    let settings = request.resolve()?;
-                    let key = request.key(&settings)?;
-                    Ok(Resolved { request, settings, key })
-                })
-                .collect()
-        })
-    }
-
     /// The first request of every key that is still to be run.
     fn missing<'r, 'a>(&self, resolved: &'r [Resolved<'a>]) -> Vec<&'r Resolved<'a>> {
+        let wanted = |run: &&Resolved| self.standing(&run.key) != Standing::Known;
+        let wanted: Vec<_> = self.pool.install(|| resolved.par_iter().filter(wanted).collect());
         let mut seen = std::collections::HashSet::new();
-        let wanted = |run: &&Resolved| self.standing(&run.key) != Standing::Known && seen.insert(run.key);
-        resolved.iter().filter(wanted).collect()
+        wanted.into_iter().filter(|run| seen.insert(run.key)).collect()
     }
 
     fn standing(&self, key: &Digest) -> Standing {
@@ -287,7 +283,7 @@ impl Campaign {
         }
     }
 
-    fn compute(&self, missing: &[&Resolved]) -> Result<(), CampaignError> {
+    fn run_all(&self, missing: &[&Resolved]) -> Result<(), CampaignError> {
         let bar = self.progress.bar("simulate", missing.len());
         let outcome = self.pool.install(|| {
             missing.par_iter().with_max_len(1).try_for_each(|run| {

@@ -10,6 +10,7 @@ use crate::dem;
 use crate::effects::{self, Library};
 use crate::experiments::Experiment;
 use crate::settings::{Scope, Settings};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 const SEED_CONTEXT: &str = "granulake 2026 run seed v1";
@@ -115,29 +116,72 @@ impl Request {
             .collect()
     }
 
-    /// The settings of this run with its effects applied.
+    /// The settings of this run with its effects applied; without effects they are those of the point, not a copy.
     ///
     /// # Errors
     /// An effect that is unknown or out of range, or that pushes a setting out of its bounds.
-    pub fn resolve(&self) -> Result<Settings, CampaignError> {
+    pub fn resolve(&self) -> Result<Arc<Settings>, CampaignError> {
+        if self.point.effects.is_empty() {
+            return Ok(Arc::clone(&self.point.settings));
+        }
         let mut settings = (*self.point.settings).clone();
         for (name, strength) in &self.point.effects {
             let effect = self.point.library.find(name)?;
             effects::apply(&*effect, *strength, &mut settings, self.seed, self.repetition)?;
         }
-        Ok(settings)
+        Ok(Arc::new(settings))
     }
 
-    /// Content key of the run: physics version, experiment, its resolved settings and the seed.
+    /// Whether both resolve to the same settings, told without resolving them: true for repetitions of one point
+    /// without effects.
+    fn shares_settings(&self, other: &Self) -> bool {
+        let same = Arc::ptr_eq(&self.point, &other.point) && self.experiment.name() == other.experiment.name();
+        same && self.point.effects.is_empty()
+    }
+
+    /// Content key of the run: physics version, experiment, seed and its resolved settings.
     ///
     /// # Errors
     /// A setting that is NaN.
     pub fn key(&self, resolved: &Settings) -> Result<Digest, CampaignError> {
-        let mut encoder = Encoder::new();
-        encoder.u64(u64::from(dem::PHYSICS_VERSION)).str(self.experiment.name()).u64(self.seed);
-        encode(&mut encoder, &resolved.for_experiment(self.experiment.name(), Scope::Simulate))?;
-        Ok(digest(RUN_CONTEXT, &encoder))
+        Ok(self.key_of(&self.told(resolved, Scope::Simulate)?))
     }
+
+    /// The key from the encoded settings of the simulation.
+    fn key_of(&self, told: &Encoder) -> Digest {
+        let mut encoder = Encoder::new();
+        encoder.u64(u64::from(dem::PHYSICS_VERSION)).str(self.experiment.name()).u64(self.seed).append(told);
+        digest(RUN_CONTEXT, &encoder)
+    }
+
+    /// The settings of one scope that the experiment reads, encoded for a key.
+    pub(super) fn told(&self, resolved: &Settings, scope: Scope) -> Result<Encoder, CampaignError> {
+        let mut encoder = Encoder::new();
+        encode(&mut encoder, &resolved.for_experiment(self.experiment.name(), scope))?;
+        Ok(encoder)
+    }
+}
+
+/// A request with its resolved settings and key.
+pub(super) struct Resolved<'a> {
+    pub request: &'a Request,
+    pub settings: Arc<Settings>,
+    pub key: Digest,
+}
+
+/// Resolves requests in order, on all threads of the pool this is called in. What repetitions share is encoded once.
+pub(super) fn resolve(requests: &[Request]) -> Result<Vec<Resolved<'_>>, CampaignError> {
+    let alike: Vec<&[Request]> = requests.chunk_by(Request::shares_settings).collect();
+    let parts: Result<Vec<Vec<Resolved>>, CampaignError> = alike.into_par_iter().map(resolve_alike).collect();
+    Ok(parts?.into_iter().flatten().collect())
+}
+
+fn resolve_alike(requests: &[Request]) -> Result<Vec<Resolved<'_>>, CampaignError> {
+    let Some(first) = requests.first() else { return Ok(Vec::new()) };
+    let settings = first.resolve()?;
+    let told = first.told(&settings, Scope::Simulate)?;
+    let resolved = |request| Resolved { request, settings: Arc::clone(&settings), key: request.key_of(&told) };
+    Ok(requests.iter().map(resolved).collect())
 }
 
 /// Seed of a run: base seed, experiment, base parameter values, repetition.
@@ -158,7 +202,7 @@ pub fn run_seed(
 }
 
 /// Appends a list of names and values.
-pub(super) fn encode<N: AsRef<str>>(encoder: &mut Encoder, values: &[(N, f64)]) -> Result<(), CampaignError> {
+fn encode<N: AsRef<str>>(encoder: &mut Encoder, values: &[(N, f64)]) -> Result<(), CampaignError> {
     encoder.list(values.len());
     for (name, value) in values {
         encoder.str(name.as_ref()).f64(*value)?;
@@ -187,6 +231,25 @@ mod tests {
         assert_eq!(key(with(-0.0), 1), key(point(0.5), 1));
         assert_ne!(key(with(0.5), 1), key(point(0.5), 1));
         assert_eq!(with(0.0).hash().unwrap(), point(0.5).hash().unwrap());
+    }
+
+    #[test]
+    fn requests_resolved_together_have_the_keys_of_each_alone() {
+        let (plain, other) = (Arc::new(point(0.5)), Arc::new(point(0.4)));
+        let scattered = Arc::new(point(0.5).with_effects(&[("wall_friction_scatter".to_owned(), 0.2)]));
+        let mut requests = Vec::new();
+        for experiment in &EXPERIMENTS[..2] {
+            for point in [&plain, &other, &scattered] {
+                requests.extend(Request::batch("design", *experiment, point, 1..=3, 1).unwrap());
+            }
+        }
+        let together = resolve(&requests).unwrap();
+        for (request, together) in requests.iter().zip(&together) {
+            let settings = request.resolve().unwrap();
+            assert_eq!((&settings, request.key(&settings).unwrap()), (&together.settings, together.key));
+        }
+        let keys: std::collections::BTreeSet<_> = together.iter().map(|run| run.key).collect();
+        assert_eq!(keys.len(), requests.len());
     }
 
     #[test]

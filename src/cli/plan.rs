@@ -6,7 +6,8 @@ use super::{CliError, Outcome};
 use crate::campaign::{Options, Outlook};
 use crate::config::DensityBounds;
 use crate::config::points::EXTRA;
-use crate::pipeline::plan::{State, Step, assess, selection};
+use crate::pipeline::plan::{State, Step, assess, recipe, selection};
+use crate::pipeline::run::known;
 use crate::pipeline::{PipelineError, Study};
 use crate::stages::{self, Context, Demand, Stage, find};
 use crate::units::canonical;
@@ -81,12 +82,19 @@ fn suggest(study: &Study, wished: usize) -> Result<Outcome, CliError> {
 pub fn print(study: &Study, target: Option<&'static Stage>, as_json: bool) -> Result<Outcome, CliError> {
     let campaign = study.campaign(Options::default())?;
     let wanted: Vec<&str> = selection(target).iter().map(|stage| stage.name).collect();
-    let steps: Vec<Step> =
-        assess(study, &study.lock()?).into_iter().filter(|step| wanted.contains(&step.stage)).collect();
+    let lock = study.lock()?;
+    let steps: Vec<Step> = assess(study, &lock).into_iter().filter(|step| wanted.contains(&step.stage)).collect();
     let unsettled = steps.iter().filter(|step| !step.state.is_settled()).filter_map(|step| find(step.stage));
     let outdated = unsettled.flat_map(|stage| stage.writes.iter().map(|spec| spec.name));
-    let context = study.context(&campaign).without(outdated.collect());
-    let rows = steps.iter().map(|step| row(&context, step)).collect::<Result<Vec<_>, _>>()?;
+    let outdated: Vec<&str> = outdated.collect();
+    let ledger = study.store().ledger("stages")?;
+    let rows = steps.iter().map(|step| {
+        let stage = stage(Some(step.stage))?.ok_or("no stage")?;
+        let locked = lock.stages.get(stage.name).map(|locked| locked.outputs.clone()).unwrap_or_default();
+        let known = known(study, &ledger, &locked, stage, &recipe(study, &lock, stage));
+        row(&study.context(&campaign).without(outdated.clone()).knowing(known), stage, step)
+    });
+    let rows = rows.collect::<Result<Vec<_>, CliError>>()?;
     let mut out = std::io::stdout().lock();
     if as_json {
         writeln!(out, "{}", Value::Array(rows.iter().map(Row::json).collect()))?;
@@ -132,8 +140,7 @@ struct Runs {
     at_most: bool,
 }
 
-fn row(context: &Context, step: &Step) -> Result<Row, CliError> {
-    let Some(stage) = find(step.stage) else { return Err(format!("no stage is called {}", step.stage).into()) };
+fn row(context: &Context, stage: &Stage, step: &Step) -> Result<Row, CliError> {
     let failed = |source| PipelineError::Stage { stage: stage.name, source };
     let demand = match step.state {
         State::Skipped(_) => Demand::Runs(Vec::new()),
@@ -141,6 +148,10 @@ fn row(context: &Context, step: &Step) -> Result<Row, CliError> {
     };
     let runs = match demand {
         Demand::Runs(requests) => Runs::of(context.campaign.outlook(&requests)?.into_values(), false),
+        Demand::Besides(in_place, requests) => {
+            let runs = Runs::of(context.campaign.outlook(&requests)?.into_values(), false);
+            Runs { wanted: runs.wanted + in_place, ..runs }
+        }
         Demand::AtMost(counts) => {
             let outlook = |(experiment, runs)| context.campaign.foresee(experiment, runs);
             Runs::of(counts.into_iter().map(outlook), true)

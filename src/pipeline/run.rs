@@ -5,8 +5,9 @@ use super::plan::{Recipe, State, assess_stage, leftovers, recipe, selection};
 use super::study::{PipelineError, Study};
 use crate::campaign::{Campaign, FAILED, Options, Stopwatch};
 use crate::canonical::{Digest, Encoder, digest};
-use crate::stages::{Stage, bounds};
-use crate::store::{Ledger, Lock, Output, StageLock, Warning, table};
+use crate::stages::{Content, Known, Stage, bounds};
+use crate::store::table::{self, Part};
+use crate::store::{Ledger, Lock, Output, StageLock, Warning};
 use crate::tables::io::rows_in_file;
 use crate::tables::{Row, RunRow};
 use std::collections::BTreeMap;
@@ -132,6 +133,30 @@ fn publish(study: &Study, path: &str, bytes: &[u8]) -> Result<Output, PipelineEr
     Ok(Output { rows, ..output })
 }
 
+/// What a stage wrote when it last ran: a part is in place if `locked` lists it, and it is there. The recipe of all parts
+/// leaves out the repetitions, of which each names its own.
+pub fn known<'a>(
+    study: &'a Study,
+    ledger: &'a Ledger<OutputRecord>,
+    locked: &'a BTreeMap<String, Output>,
+    stage: &Stage,
+    recipe: &Recipe,
+) -> Known<'a> {
+    let mut encoder = Encoder::new();
+    encoder.str(stage.name).u64(u64::from(stage.version));
+    for (name, value) in recipe.settings.iter().filter(|(name, _)| *name != "study.repetitions") {
+        encoder.str(name).str(value);
+    }
+    let part = move |key: &Digest| {
+        let record = ledger.rows_of(key)?.into_iter().next()?;
+        let part = Part::of_path(&record.path)?;
+        let output = locked.get(&record.path).filter(|output| output.digest == part.digest)?;
+        let store = study.store();
+        (store.has_object(&part.digest) && store.has_output(&record.path, output)).then_some(part)
+    };
+    Known { recipe: digest("granulake 2026 part recipe v1", &encoder), part: Box::new(part) }
+}
+
 /// The open store while stages run.
 struct Driver {
     campaign: Campaign,
@@ -167,7 +192,12 @@ impl Driver {
         let retry = self.retry_failed && has_failed_runs(study, stage)?;
         let (outputs, action) = match known.filter(|_| !retry) {
             Some(outputs) => (outputs, Action::Restored),
-            None => (self.run(study, stage, &recipe)?, Action::Ran),
+            None => {
+                // Forced or tried again, a stage leaves nothing as it is.
+                let locked = lock.stages.get(stage.name).filter(|_| !forced && !self.retry_failed);
+                let locked = locked.map(|locked| locked.outputs.clone()).unwrap_or_default();
+                (self.run(study, stage, &recipe, &locked)?, Action::Ran)
+            }
         };
         let locked = StageLock {
             key: recipe.key,
@@ -197,20 +227,31 @@ impl Driver {
         Ok(states.iter().all(|digest| study.store().has_object(digest)).then_some(outputs))
     }
 
+    /// Runs a stage; parts of split tables that stand in `locked` and have the key of what is wanted stay in place.
     fn run(
         &self,
         study: &Study,
         stage: &'static Stage,
         recipe: &Recipe,
+        locked: &BTreeMap<String, Output>,
     ) -> Result<BTreeMap<String, Output>, PipelineError> {
-        let context = study.context(&self.campaign);
+        let context = study.context(&self.campaign).knowing(known(study, &self.outputs, locked, stage, recipe));
         let watch = Stopwatch::of_process();
         let outputs = (stage.run)(&context).map_err(|source| PipelineError::Stage { stage: stage.name, source })?;
         self.campaign.record_stage(&recipe.key, stage.name, &watch)?;
+        let record = |key: &Digest, number, path: &str, digest: &Digest| OutputRecord {
+            stage_key: key.to_string(),
+            number,
+            path: path.to_owned(),
+            digest: digest.to_string(),
+        };
         let mut records = Vec::new();
-        for ((path, bytes), number) in outputs.files.iter().zip(1..) {
-            let digest = study.store().put_object(bytes)?.to_string();
-            records.push(OutputRecord { stage_key: recipe.key.to_string(), number, path: path.clone(), digest });
+        for ((path, content), number) in outputs.files.iter().zip(1..) {
+            let digest = match content {
+                Content::Bytes(bytes) => study.store().put_object(bytes)?,
+                Content::InPlace(part) => part.digest,
+            };
+            records.push(record(&recipe.key, number, path, &digest));
         }
         if self.retry_failed {
             // A run that failed may have come to its end this time.
@@ -219,7 +260,13 @@ impl Driver {
             self.check_same_bytes(stage, recipe, &records)?;
             self.outputs.append(&records)?;
         }
-        outputs.files.iter().map(|(path, bytes)| Ok((path.clone(), publish(study, path, bytes)?))).collect()
+        let parts = outputs.parts.iter().map(|(key, path, part)| record(key, 1, path, &part.digest));
+        self.outputs.replace(&parts.collect::<Vec<_>>())?;
+        let published = |(path, content): &(String, Content)| match content {
+            Content::Bytes(bytes) => publish(study, path, bytes).map(|output| (path.clone(), output)),
+            Content::InPlace(_) => Ok((path.clone(), locked[path])),
+        };
+        outputs.files.iter().map(published).collect()
     }
 
     /// The same key must give the same bytes.

@@ -3,7 +3,7 @@
 use super::study::{PipelineError, Study};
 use crate::campaign::Campaign;
 use crate::config::MeasuredSource;
-use crate::stages::{self, Context};
+use crate::stages::{self, Content, Context};
 use std::path::Path;
 
 /// Name of the data set in the tables of a solution.
@@ -32,7 +32,10 @@ pub fn solve(
     let mut files = Vec::new();
     for stage in STAGES.iter().filter_map(|name| stages::find(name)) {
         let outputs = (stage.run)(&context).map_err(|source| PipelineError::Stage { stage: stage.name, source })?;
-        files.extend(outputs.files);
+        files.extend(outputs.files.into_iter().filter_map(|(path, content)| match content {
+            Content::Bytes(bytes) => Some((path, bytes)),
+            Content::InPlace(_) => None,
+        }));
     }
     Ok(files)
 }

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "analyse",
-    version: 1,
+    version: 2,
     purpose: "measured means and scatter for every number of repetitions, normality, repetitions needed",
     reads: &[],
     writes: &[MeasuredStatisticRow::SPEC, MeasuredAnalysisRow::SPEC],

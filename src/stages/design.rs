@@ -8,6 +8,7 @@
 use super::{Context, StageError};
 use crate::campaign::{Point, Request, Values};
 use crate::config::{Config, Filling, Parameter};
+use crate::experiments::Experiment;
 use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
 use crate::stats::design::metrics::{min_distance, min_distance_between};
 use crate::stats::design::sobol::{Sobol, TooManyDimensions};
@@ -15,6 +16,7 @@ use crate::stats::design::{factorial, farthest};
 use crate::stats::points::Points;
 use crate::tables::list::{DesignQualityRow, ReplicationRow, SampleRow};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 /// Label of the runs of the design.
@@ -40,46 +42,80 @@ pub fn draw(context: &Context) -> Result<Design, StageError> {
     Ok(Design { samples: rows(context.config, &parts)?, replications, quality: quality(&parts) })
 }
 
-/// Parameter values of every point, by number.
-fn points(samples: &[SampleRow]) -> BTreeMap<u32, Values> {
-    let mut points: BTreeMap<u32, Values> = BTreeMap::new();
-    for row in samples {
-        points.entry(row.point).or_default().push((row.parameter.clone(), row.value));
-    }
-    points
-}
-
-/// All repetitions of every point in every experiment, by experiment, point and repetition.
+/// The points of the design with their settings, by number.
 ///
 /// # Errors
 /// A point outside the bounds of a setting.
-pub fn requests(
-    context: &Context,
-    samples: &[SampleRow],
-    replications: &[ReplicationRow],
-) -> Result<Vec<Request>, StageError> {
-    let config = context.config;
-    let base = config.base_settings();
-    let extra: BTreeMap<u32, u32> = replications.iter().map(|row| (row.point, row.extra)).collect();
-    let mut points = points(samples)
-        .into_iter()
-        .map(|(number, values)| {
-            Ok(Arc::new(
-                Point::new(number, base, &values)?
-                    .knowing(&config.effects.library)
-                    .with_effects(&config.effects.active),
-            ))
-        })
-        .collect::<Result<Vec<_>, StageError>>()?;
-    points.sort_by_key(|point| point.number);
-    let mut requests = Vec::new();
-    for experiment in config.experiments() {
-        for point in &points {
-            let repetitions = 1..=config.study.repetitions + extra.get(&point.number).copied().unwrap_or(0);
-            requests.extend(Request::batch(LABEL, experiment, point, repetitions, config.study.seed)?);
-        }
+pub fn points(config: &Config, samples: &[SampleRow]) -> Result<BTreeMap<u32, Arc<Point>>, StageError> {
+    let mut values: BTreeMap<u32, Values> = BTreeMap::new();
+    for row in samples {
+        values.entry(row.point).or_default().push((row.parameter.clone(), row.value));
     }
-    Ok(requests)
+    let point = |(number, values): (u32, Values)| {
+        let point = Point::new(number, config.base_settings(), &values)?.knowing(&config.effects.library);
+        Ok((number, Arc::new(point.with_effects(&config.effects.active))))
+    };
+    values.into_iter().map(point).collect()
+}
+
+/// The runs that a design asks for.
+pub struct Runs<'a> {
+    config: &'a Config,
+    points: BTreeMap<u32, Arc<Point>>,
+    /// Runs beyond `study.repetitions`, by point.
+    extra: BTreeMap<u32, u32>,
+}
+
+impl<'a> Runs<'a> {
+    /// The runs at these points.
+    ///
+    /// # Errors
+    /// A point outside the bounds of a setting.
+    pub fn new(config: &'a Config, samples: &[SampleRow], replications: &[ReplicationRow]) -> Result<Self, StageError> {
+        let extra = replications.iter().map(|row| (row.point, row.extra)).collect();
+        Ok(Self { config, points: points(config, samples)?, extra })
+    }
+
+    fn repetitions(&self, point: u32) -> u32 {
+        self.config.study.repetitions + self.extra.get(&point).copied().unwrap_or(0)
+    }
+
+    /// The last repetition of any point.
+    pub fn last(&self) -> u32 {
+        self.points.keys().map(|point| self.repetitions(*point)).max().unwrap_or(0)
+    }
+
+    /// Those of some repetitions in one experiment, by point and repetition.
+    ///
+    /// # Errors
+    /// A parameter value that is NaN.
+    pub fn of(
+        &self,
+        experiment: &'static dyn Experiment,
+        block: &RangeInclusive<u32>,
+    ) -> Result<Vec<Request>, StageError> {
+        let mut requests = Vec::new();
+        for (number, point) in &self.points {
+            let repetitions = *block.start()..=self.repetitions(*number).min(*block.end());
+            requests.extend(Request::batch(LABEL, experiment, point, repetitions, self.config.study.seed)?);
+        }
+        Ok(requests)
+    }
+
+    /// How many there are of some repetitions in one experiment.
+    pub fn count(&self, block: &RangeInclusive<u32>) -> usize {
+        let of = |point: &u32| (self.repetitions(*point).min(*block.end()) + 1).saturating_sub(*block.start()) as usize;
+        self.points.keys().map(of).sum()
+    }
+
+    /// All of them, by experiment, point and repetition.
+    ///
+    /// # Errors
+    /// A parameter value that is NaN.
+    pub fn all(&self) -> Result<Vec<Request>, StageError> {
+        let of_experiment = |experiment| self.of(experiment, &(1..=self.last()));
+        Ok(self.config.experiments().into_iter().map(of_experiment).collect::<Result<Vec<_>, _>>()?.concat())
+    }
 }
 
 /// A part of the design: what its points are for, its name among the parts, its points in the unit cube.

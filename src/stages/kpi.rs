@@ -1,19 +1,21 @@
 //! kpi: read every observable off the final state and the trace of every run.
 
 use super::context::text;
-use super::{Context, Outputs, SettingsText, Stage, StageError, design, never, no_runs};
-use crate::campaign::KPI_VERSION;
+use super::{Context, Outputs, Parts, SettingsText, Stage, StageError, design, never, no_runs};
+use crate::campaign::{KPI_VERSION, Request};
+use crate::canonical::Encoder;
 use crate::config::Config;
 use crate::settings::Scope;
 use crate::tables::Row;
-use crate::tables::list::{KpiRow, ReplicationRow, RunRow, SampleRow};
+use crate::tables::list::{KpiRow, RunRow, SampleRow};
+use std::sync::Arc;
 
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "kpi",
-    version: 1,
+    version: 2,
     purpose: "read KPIs and extra observables off every run",
-    reads: &[SampleRow::SPEC, ReplicationRow::SPEC, RunRow::SPEC],
+    reads: &[SampleRow::SPEC, RunRow::SPEC],
     writes: &[KpiRow::SPEC],
     files: &[],
     measured: false,
@@ -31,22 +33,31 @@ fn settings(config: &Config) -> SettingsText {
     settings
 }
 
+/// A part of the table is read off one part of the runs.
 fn run(context: &Context) -> Result<Outputs, StageError> {
-    let requests = design::requests(context, &context.read::<SampleRow>()?, &context.read::<ReplicationRow>()?)?;
-    let mut by_key = context.read::<RunRow>()?;
-    let order = |row: &RunRow| (row.experiment.clone(), row.point, row.repetition);
-    by_key.sort_by_key(order);
-    let runs = requests
-        .iter()
-        .map(|request| {
-            let key = (request.experiment.name().to_owned(), request.point.number, request.repetition);
-            by_key.binary_search_by_key(&key, order).map(|index| by_key[index].clone()).map_err(|_| StageError::Input {
-                what: format!("table runs lacks point {} of {}, repetition {}", key.1, key.0, key.2),
-                remedy: "run `granulake repro simulate`",
-            })
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let mut outputs = Outputs::default();
-    outputs.table(context.campaign.measure(&requests, &runs)?)?;
-    Ok(outputs)
+    let points = design::points(context.config, &context.read()?)?;
+    let samples = context.digest(SampleRow::SPEC)?;
+    let mut table = Parts::new(context, KpiRow::SPEC);
+    for part in context.parts(RunRow::SPEC)? {
+        let mut inputs = Encoder::new();
+        inputs.bytes(&samples.0).bytes(&part.digest.0);
+        let experiment = context.config.experiments().into_iter().find(|experiment| experiment.name() == part.value);
+        let experiment = experiment.ok_or_else(|| mismatch(&part.value))?;
+        table.add(&part.value, &inputs, || {
+            let runs: Vec<RunRow> = context.read_part(&part)?;
+            let request = |run: &RunRow| {
+                let point = points.get(&run.point).ok_or_else(|| mismatch(&format!("point {}", run.point)))?;
+                let (label, point) = (run.label.clone(), Arc::clone(point));
+                Ok(Request { label, experiment, point, repetition: run.repetition, seed: run.seed })
+            };
+            let requests = runs.iter().map(request).collect::<Result<Vec<_>, StageError>>()?;
+            Ok(context.campaign.measure(&requests, &runs)?)
+        })?;
+    }
+    Ok(table.finish())
+}
+
+fn mismatch(what: &str) -> StageError {
+    let what = format!("table runs holds {what}, which the design lacks");
+    StageError::Input { what, remedy: "run `granulake repro simulate`" }
 }

@@ -23,7 +23,7 @@ mod train;
 mod validate;
 mod verify;
 
-pub use context::{Context, Outputs, StageError};
+pub use context::{Content, Context, Known, Outputs, Parts, StageError};
 pub use diagnose::{Panel, PanelRows};
 pub use report::{HTML as REPORT_HTML, SUMMARY as REPORT_SUMMARY};
 pub use suggest::{SuggestedPoint, suggest};
@@ -40,6 +40,8 @@ pub type SettingsText = BTreeMap<String, String>;
 pub enum Demand {
     /// These.
     Runs(Vec<Request>),
+    /// These besides so many that the table of the stage holds already.
+    Besides(usize, Vec<Request>),
     /// So many of every experiment at most: where they will be is not known yet.
     AtMost(BTreeMap<&'static str, usize>),
 }

@@ -91,9 +91,9 @@ fn settings_text(config: &Config) -> SettingsText {
 fn run(context: &Context) -> Result<Outputs, StageError> {
     let report = gather(context)?;
     let mut outputs = Outputs::default();
-    outputs.files.push((HTML.to_owned(), report::html(&report).into_bytes()));
-    outputs.files.push((MARKDOWN.to_owned(), report::markdown(&report).into_bytes()));
-    outputs.files.push((SUMMARY.to_owned(), report::summary(&report).into_bytes()));
+    outputs.file(HTML.to_owned(), report::html(&report).into_bytes());
+    outputs.file(MARKDOWN.to_owned(), report::markdown(&report).into_bytes());
+    outputs.file(SUMMARY.to_owned(), report::summary(&report).into_bytes());
     Ok(outputs)
 }
 

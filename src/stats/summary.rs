@@ -76,44 +76,124 @@ pub fn sd(values: &[f64]) -> f64 {
     (squares / (values.len() - 1) as f64).sqrt()
 }
 
+/// Mean and standard deviation of values that come one by one, each in constant time and memory.
+///
+/// The mean is the plain sum over n, as in [`mean`]. Squares are updated by M₂ ← M₂ + (n·d − D)²/(n(n − 1)) (Youngs and
+/// Cramer 1971), D = Σd, on distances d from the first value, which costs no digits where the scatter is small beside the
+/// mean (Chan, Golub and LeVeque 1983): relative error of about n ε. Equal values have a scatter of exactly zero.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Running {
+    n: usize,
+    first: f64,
+    sum: f64,
+    distance: f64,
+    squares: f64,
+}
+
+impl Running {
+    /// Takes one more value.
+    pub fn push(&mut self, value: f64) {
+        if self.n == 0 {
+            self.first = value;
+        }
+        self.n += 1;
+        let (n, d) = (self.n as f64, value - self.first);
+        self.sum += value;
+        self.distance += d;
+        if self.n > 1 {
+            let gap = n * d - self.distance;
+            self.squares += gap * gap / (n * (n - 1.0));
+        }
+    }
+
+    /// Number of values.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Arithmetic mean; NaN for no values.
+    pub fn mean(&self) -> f64 {
+        self.sum / self.n as f64
+    }
+
+    /// Standard deviation with n − 1 in the denominator; NaN below two values.
+    pub fn sd(&self) -> f64 {
+        if self.n < 2 { f64::NAN } else { (self.squares / (self.n - 1) as f64).sqrt() }
+    }
+}
+
+/// What makes intervals of a mean and a standard deviation: quantiles that depend on the number of values alone.
+#[derive(Debug, Clone, Copy)]
+pub struct Factors {
+    n: usize,
+    mean: f64,
+    sd: Interval,
+}
+
+impl Factors {
+    /// The factors for `n` values; NaN below two. `level` is the coverage of the intervals, for example 0.95.
+    pub fn new(n: usize, level: f64, convention: Convention) -> Self {
+        if n < 2 {
+            return Self { n, mean: f64::NAN, sd: Interval { lower: f64::NAN, upper: f64::NAN } };
+        }
+        let limit = |p| ((n - 1) as f64 / special::chi2_quantile(p, dof(n, convention))).sqrt();
+        let sd = Interval { lower: limit(0.5 + 0.5 * level), upper: limit(0.5 - 0.5 * level) };
+        Self { n, mean: mean_factor(n, level, convention), sd }
+    }
+
+    /// Interval of a mean: mean ± t·sd/√n.
+    pub fn of_mean(&self, mean: f64, sd: f64) -> Interval {
+        let half = self.mean * sd / (self.n as f64).sqrt();
+        Interval { lower: mean - half, upper: mean + half }
+    }
+
+    /// Interval of a standard deviation: sd·√((n − 1)/χ²), from the two tails of χ².
+    pub fn of_sd(&self, sd: f64) -> Interval {
+        Interval { lower: sd * self.sd.lower, upper: sd * self.sd.upper }
+    }
+
+    /// The summary of so many values with this mean and standard deviation.
+    pub fn summary(&self, mean: f64, sd: f64) -> Summary {
+        Summary { n: self.n, mean, sd, mean_interval: self.of_mean(mean, sd), sd_interval: self.of_sd(sd) }
+    }
+}
+
 /// Summary of all values; `level` is the coverage of the intervals, for example 0.95.
 pub fn summarise(values: &[f64], level: f64, convention: Convention) -> Summary {
-    let (n, mean, sd) = (values.len(), mean(values), sd(values));
-    Summary {
-        n,
-        mean,
-        sd,
-        mean_interval: mean_interval(mean, sd, n, level, convention),
-        sd_interval: sd_interval(sd, n, level, convention),
-    }
+    Factors::new(values.len(), level, convention).summary(mean(values), sd(values))
 }
 
 /// Summaries of the first 1, 2, …, N values: the curves of Fig. 6.
 pub fn cumulative(values: &[f64], level: f64, convention: Convention) -> Vec<Summary> {
-    (1..=values.len()).map(|n| summarise(&values[..n], level, convention)).collect()
+    let step = |running: &mut Running, value: &f64| {
+        running.push(*value);
+        Some(Factors::new(running.n, level, convention).summary(running.mean(), running.sd()))
+    };
+    values.iter().scan(Running::default(), step).collect()
 }
 
 /// Interval of a mean: mean ± t·sd/√n.
 pub fn mean_interval(mean: f64, sd: f64, n: usize, level: f64, convention: Convention) -> Interval {
-    let half = if n < 2 { f64::NAN } else { mean_factor(n, level, convention) * sd / (n as f64).sqrt() };
-    Interval { lower: mean - half, upper: mean + half }
+    Factors::new(n, level, convention).of_mean(mean, sd)
 }
 
 /// Interval of a standard deviation: sd·√((n − 1)/χ²), from the two tails of χ².
 pub fn sd_interval(sd: f64, n: usize, level: f64, convention: Convention) -> Interval {
-    if n < 2 {
-        return Interval { lower: f64::NAN, upper: f64::NAN };
-    }
-    let limit = |p| sd * ((n - 1) as f64 / special::chi2_quantile(p, dof(n, convention))).sqrt();
-    Interval { lower: limit(0.5 + 0.5 * level), upper: limit(0.5 - 0.5 * level) }
+    Factors::new(n, level, convention).of_sd(sd)
 }
 
 /// Smallest n from which the running mean stays within `tolerance` (relative) of the final mean: 0.01 for Fig. 6.
 /// `None` for no values.
 pub fn stability_count(values: &[f64], tolerance: f64) -> Option<usize> {
     let last = mean(values);
-    let outside = |n: &usize| (mean(&values[..*n]) - last).abs() > tolerance * last.abs();
-    let leaves = (1..=values.len()).rev().find(outside).unwrap_or(0);
+    let mut running = Running::default();
+    let mut leaves = 0;
+    for value in values {
+        running.push(*value);
+        if (running.mean() - last).abs() > tolerance * last.abs() {
+            leaves = running.n;
+        }
+    }
     (!values.is_empty()).then_some(leaves + 1)
 }
 
@@ -300,6 +380,31 @@ mod tests {
         assert!(ln_sd(1.0, 1).value.is_nan() && ln_sd(0.0, 5).value.is_nan());
         assert!(lilliefors_distance(&[1.0; 10]).is_nan());
         assert!(trend(&[1.0, 2.0]).standard_error.is_nan());
+    }
+
+    #[test]
+    fn running_values_agree_with_two_passes_over_every_prefix() {
+        // A scatter of 1e-7 of the mean, and a first value a hundred standard deviations off.
+        for (centre, scatter, first) in [(10.0, 1.0, 0.0), (1e4, 1e-3, 0.0), (700.0, 1e-4, 1e-2)] {
+            let mut stream = Stream::new(7, "running");
+            let values: Vec<f64> = (0..3000).map(|_| centre + scatter * stream.normal()).collect();
+            let values = [&[centre + first], values.as_slice()].concat();
+            let mut running = Running::default();
+            for (at, value) in values.iter().enumerate() {
+                running.push(*value);
+                let n = at + 1;
+                if n % 97 == 0 || n < 20 {
+                    assert_eq!(running.mean(), mean(&values[..n]));
+                    // Both are good to about n ε, the two passes on distances from the first as well.
+                    let distances: Vec<f64> = values[..n].iter().map(|value| value - values[0]).collect();
+                    let (fast, exact) = (running.sd(), sd(&distances));
+                    assert!(n < 2 || (fast / exact - 1.0).abs() < n as f64 * f64::EPSILON, "n = {n}: {fast} {exact}");
+                }
+            }
+        }
+        let mut same = Running::default();
+        (0..100).for_each(|_| same.push(0.1));
+        assert_eq!(same.sd(), 0.0);
     }
 
     #[test]

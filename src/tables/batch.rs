@@ -134,7 +134,7 @@ pub(super) fn check_nulls(column: &ColumnSpec, array: &ArrayRef) -> Result<(), F
 }
 
 /// A batch that has passed [`conform`]; gives typed columns to [`table!`](crate::table).
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Checked {
     spec: &'static TableSpec,
     batch: RecordBatch,
@@ -148,6 +148,25 @@ impl Checked {
     pub fn new(spec: &'static TableSpec, batch: &RecordBatch) -> Result<Self, TableError> {
         matching_columns(spec, batch).map_err(|fault| TableError::in_memory(spec.name, fault))?;
         Ok(Self { spec, batch: batch.clone() })
+    }
+
+    /// Checks the columns of these names, the only ones there.
+    ///
+    /// # Errors
+    /// As [`conform`].
+    pub(super) fn columns(spec: &'static TableSpec, batch: RecordBatch, names: &[&str]) -> Result<Self, TableError> {
+        let named = spec.columns.iter().filter(|column| names.contains(&column.name));
+        let check = || -> Result<(), Fault> {
+            check_identity(spec, batch.schema_ref())?;
+            named.map(|column| matching_column(column, &batch)).try_for_each(|column| column.map(drop))
+        };
+        check().map_err(|fault| TableError::in_memory(spec.name, fault))?;
+        Ok(Self { spec, batch })
+    }
+
+    /// The columns.
+    pub fn batch(&self) -> &RecordBatch {
+        &self.batch
     }
 
     /// Number of rows.

@@ -73,12 +73,12 @@ macro_rules! table {
                 )
             }
 
-            fn from_batch(batch: &$crate::tables::RecordBatch) -> Result<Vec<Self>, $crate::tables::TableError> {
-                let checked = $crate::tables::Checked::new(Self::SPEC, batch)?;
+            fn from_checked(
+                checked: &$crate::tables::Checked,
+                rows: std::ops::Range<usize>,
+            ) -> Result<Vec<Self>, $crate::tables::TableError> {
                 $( let $field = checked.column::<$type>(stringify!($field))?; )+
-                let rows = (0..checked.rows()).map(|row| Self {
-                    $( $field: <$type as $crate::tables::Cell>::get($field, row) ),+
-                });
+                let rows = rows.map(|row| Self { $( $field: <$type as $crate::tables::Cell>::get($field, row) ),+ });
                 Ok(rows.collect())
             }
 

@@ -5,8 +5,8 @@
 //! Publishing the bytes under a name is the store's affair.
 
 use super::batch::{VERSION, arrow_type, check_nulls, find, stamp, wrong_type};
-use super::{ColumnSpec, ColumnType, Fault, Row, TableError, TableSpec, conform};
-use arrow::array::{ArrayRef, AsArray, RecordBatch};
+use super::{Checked, ColumnSpec, ColumnType, Fault, Row, TableError, TableSpec, conform};
+use arrow::array::{ArrayRef, RecordBatch, RecordBatchReader};
 use arrow::compute::{CastOptions, cast_with_options, concat_batches};
 use arrow::datatypes::{DataType, Schema};
 use bytes::Bytes;
@@ -176,29 +176,43 @@ pub fn unpanicked<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T
     })
 }
 
-/// How often every value of a text column of table `spec` occurs in a file; no other column is read.
+/// Some columns of a file of table `spec`; no other is read.
 ///
 /// # Errors
 /// As [`from_parquet_bytes`], and [`Fault::Unreadable`].
-pub fn text_counts(spec: &TableSpec, path: &Path, column: &str) -> Result<BTreeMap<String, u64>, TableError> {
-    let origin = path.display().to_string();
-    let fail = |e: ParquetError| TableError::in_memory(spec.name, parquet_fault(&e)).at(&origin);
-    let bytes = Bytes::from(read_bytes(spec.name, path)?);
-    let Some(known) = spec.column(column) else { return Ok(BTreeMap::new()) };
-    let read = || -> Result<Vec<RecordBatch>, ParquetError> {
+pub fn columns(spec: &'static TableSpec, path: &Path, names: &[&str]) -> Result<Checked, TableError> {
+    columns_of(spec, &path.display().to_string(), read_bytes(spec.name, path)?.into(), names)
+}
+
+/// As [`columns`], from the bytes of the file.
+///
+/// # Errors
+/// As [`from_parquet_bytes`].
+pub fn columns_of(spec: &'static TableSpec, origin: &str, bytes: Bytes, names: &[&str]) -> Result<Checked, TableError> {
+    let read = || -> Result<RecordBatch, ParquetError> {
         let builder = ParquetRecordBatchReaderBuilder::try_new(bytes)?;
-        let mask = ProjectionMask::columns(builder.parquet_schema(), [column]);
-        let batches = builder.with_projection(mask).with_batch_size(READ_ROWS).build()?;
-        Ok(batches.collect::<Result<_, _>>()?)
+        let mask = ProjectionMask::columns(builder.parquet_schema(), names.iter().copied());
+        let metadata = builder.schema().metadata().clone();
+        let reader = builder.with_projection(mask).with_batch_size(READ_ROWS).build()?;
+        let schema = reader.schema();
+        let batch = concat_batches(&schema, &reader.collect::<Result<Vec<_>, _>>()?)?;
+        // A projection says nothing of the table any more.
+        Ok(batch.with_schema(Arc::new(schema.as_ref().clone().with_metadata(metadata)))?)
     };
+    let batch = unpanicked(read).map_err(|e| TableError::in_memory(spec.name, parquet_fault(&e)).at(origin))?;
+    Checked::columns(spec, batch, names).map_err(|e| e.at(origin))
+}
+
+/// How often every value of a text column of table `spec` occurs in a file; no other column is read.
+///
+/// # Errors
+/// As [`columns`].
+pub fn text_counts(spec: &'static TableSpec, path: &Path, column: &str) -> Result<BTreeMap<String, u64>, TableError> {
     let mut counts = BTreeMap::new();
-    for batch in unpanicked(read).map_err(fail)? {
-        let (_, array) = find(known, &batch).map_err(|fault| TableError::in_memory(spec.name, fault).at(&origin))?;
-        for value in array.as_string_opt::<i32>().into_iter().flatten().flatten() {
-            match counts.get_mut(value) {
-                Some(count) => *count += 1,
-                None => drop(counts.insert(value.to_owned(), 1)),
-            }
+    for value in columns(spec, path, &[column])?.column::<String>(column)?.iter().flatten() {
+        match counts.get_mut(value) {
+            Some(count) => *count += 1,
+            None => drop(counts.insert(value.to_owned(), 1)),
         }
     }
     Ok(counts)

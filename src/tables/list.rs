@@ -176,7 +176,7 @@ table! {
 
 table! {
     /// Mean and standard deviation of every observable over the first n repetitions of a design point.
-    pub struct AggregateRow in "aggregates" version 1 sorted by (experiment, kpi, point, n) {
+    pub struct AggregateRow in "aggregates" version 1 partitioned by experiment sorted by (experiment, kpi, point, n) {
         /// Experiment.
         experiment: String ["1"],
         /// Observable.

@@ -128,7 +128,16 @@ pub trait Row: Sized {
     ///
     /// # Errors
     /// [`TableError`] naming the first column that does not match [`Row::SPEC`].
-    fn from_batch(batch: &RecordBatch) -> Result<Vec<Self>, TableError>;
+    fn from_batch(batch: &RecordBatch) -> Result<Vec<Self>, TableError> {
+        let checked = Checked::new(Self::SPEC, batch)?;
+        Self::from_checked(&checked, 0..checked.rows())
+    }
+
+    /// Some rows of columns that have been checked; the range lies within them.
+    ///
+    /// # Errors
+    /// [`TableError`] when they are the columns of another table.
+    fn from_checked(checked: &Checked, rows: std::ops::Range<usize>) -> Result<Vec<Self>, TableError>;
 
     /// Value of the column by which the table is split into files; empty for a table in one file.
     fn partition(&self) -> &str;

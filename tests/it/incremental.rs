@@ -2,7 +2,9 @@
 
 use crate::support::Study;
 use granulake::stages::STAGES;
-use granulake::tables::SampleRow;
+use granulake::store::{Lock, Output};
+use granulake::tables::{AggregateRow, SampleRow};
+use std::collections::BTreeSet;
 
 /// Runs of the quick study: 5 points, 2 repetitions, 2 fitted experiments.
 const DESIGN_RUNS: usize = 5 * 2 * 2;
@@ -67,6 +69,39 @@ fn repetitions_grow_and_shrink_without_waste() {
     study.succeed(&["repro"]);
     one.succeed(&["repro"]);
     study.assert_outputs(&one.outputs(), "shrunk to one repetition, which was asked for at once elsewhere");
+}
+
+#[test]
+fn a_repetition_more_rewrites_one_part_and_gives_the_bytes_of_a_study_made_at_once() {
+    let study = Study::quick();
+    // Path, digest and size of every output.
+    let outputs = || -> Vec<(String, Output)> {
+        let lock = Lock::read(&study.path("pipeline.lock")).expect("a lock");
+        lock.outputs().map(|(_, path, output)| (path.to_owned(), *output)).collect()
+    };
+    let parts = || -> BTreeSet<String> {
+        outputs().into_iter().map(|(path, _)| path).filter(|path| path.contains("/part-")).collect()
+    };
+    // One point gets a run of its own, which counts at the largest number of repetitions only.
+    study.write("points.csv", "sliding_friction,extra_repetitions\n0.5,1\n");
+    study.edit("pipeline.toml", "validation = 1", "validation = 1\npoints = \"points.csv\"");
+    study.succeed(&["repro", "aggregate", "--reps", "9"]);
+    let nine = parts();
+    study.succeed(&["repro", "aggregate", "--reps", "10"]);
+    let ten = parts();
+    // Runs, observables and aggregates of two experiments, each in the repetitions 1..=8 and the rest.
+    assert_eq!((nine.len(), ten.len(), nine.intersection(&ten).count()), (12, 12, 6), "{nine:?}\n{ten:?}");
+
+    // Made anew from the ledgers every part is the same, or this says so.
+    let grown = outputs();
+    for stage in ["simulate", "kpi", "aggregate"] {
+        study.succeed(&["repro", stage, "--reps", "10", "--force"]);
+    }
+    assert_eq!(outputs(), grown);
+    let aggregates: Vec<AggregateRow> = study.table();
+    let of_chosen = |n: u32| aggregates.iter().filter(move |row| row.n == n && row.count > n).count();
+    assert_eq!((of_chosen(8), of_chosen(9)), (0, 0));
+    assert!(of_chosen(10) > 0, "the extra run counts at the largest n");
 }
 
 #[test]

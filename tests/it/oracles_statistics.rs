@@ -110,7 +110,10 @@ fn sample_summaries_agree_with_scipy() {
         agree("mean upper", correct.mean_interval.upper, t[1], 1e-11);
         agree("sd lower", correct.sd_interval.lower, chi[0], 1e-11);
         agree("sd upper", correct.sd_interval.upper, chi[1], 1e-11);
-        assert_eq!(summary::cumulative(&x, 0.95, Convention::Correct).last(), Some(&correct));
+        let running = summary::cumulative(&x, 0.95, Convention::Correct)[x.len() - 1];
+        assert_eq!((running.n, running.mean), (correct.n, correct.mean));
+        agree("running sd", running.sd, number(&case["sd"]), 1e-14);
+        agree("running sd lower", running.sd_interval.lower, chi[0], 1e-11);
         if case["paper_rule"] == "z" {
             let paper = summary::summarise(&x, 0.95, Convention::Paper);
             agree("z lower", paper.mean_interval.lower, numbers(&case["z_ci"])[0], 1e-11);

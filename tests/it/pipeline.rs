@@ -133,7 +133,7 @@ fn a_changed_weight_leaves_the_simulations_alone(study: &Study) {
 fn a_damaged_table_is_found_and_made_anew(study: &Study) {
     let before = study.outputs();
     assert_eq!(study.run(&["fsck", "--full"]).code, Some(0));
-    let path = study.path("artifacts/tables/aggregates/aggregates.parquet");
+    let path = study.path("artifacts/tables/samples/samples.parquet");
     let mut bytes = std::fs::read(&path).expect("a table");
     // In the first page, behind the magic bytes: the footer stays whole.
     bytes[20] ^= 1;
@@ -141,7 +141,7 @@ fn a_damaged_table_is_found_and_made_anew(study: &Study) {
     assert_eq!(study.run(&["fsck"]).code, Some(0), "sizes alone do not show a flipped bit");
     let full = study.run(&["fsck", "--full"]);
     assert_eq!(full.code, Some(3), "{}", full.out);
-    assert!(full.out.contains("aggregates.parquet"), "{}", full.out);
+    assert!(full.out.contains("samples.parquet"), "{}", full.out);
     study.repro(&[]);
     assert_eq!(study.outputs(), before);
     assert_eq!(study.run(&["fsck", "--full"]).code, Some(0));

@@ -5,7 +5,7 @@ use super::state::{Block, Gathered, Source, State, gather, key_from, same_rows, 
 use super::{FOLD_AT, Ledger, empty};
 use crate::canonical::Digest;
 use crate::store::{Contradiction, QUARANTINE, StoreError, atomic};
-use crate::tables::{Keyed, RecordBatch, io};
+use crate::tables::{Checked, Keyed, RecordBatch, io};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock, PoisonError};
 
@@ -37,7 +37,7 @@ impl Entry {
         }
         let picks = rows_of.iter().flat_map(|(key, at)| at.iter().map(|at| (*key, &batch, *at, 1)));
         let (batch, _) = gather(empty::<R>()?, picks)?;
-        let spans = spans_of::<R>(kind, &batch)?;
+        let spans = spans_of(kind, Checked::new(R::SPEC, &batch)?.column::<String>(R::KEY)?)?;
         Ok(Self { mode, batch, spans, outcome: OnceLock::new() })
     }
 }
@@ -156,7 +156,7 @@ impl<R: Keyed> Ledger<R> {
         atomic::publish(&file.path, &bytes)?;
         let mut state = self.write();
         state.sequence = sequence;
-        state.add(Block { batch, source: Source::Journal }, &spans);
+        state.add(Block::held(R::SPEC, &batch, Source::Journal, spans.len()), &spans);
         Ok(())
     }
 }

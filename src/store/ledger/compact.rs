@@ -4,7 +4,7 @@
 //! unlisted leftover; after that the old files are.
 
 use super::layout::{Files, Manifest, Part};
-use super::state::{Block, Source};
+use super::state::{Block, Source, State};
 use super::{Ledger, empty};
 use crate::canonical::Digest;
 use crate::store::{StoreError, atomic};
@@ -15,9 +15,15 @@ use std::collections::BTreeSet;
 /// parts written before are not written again.
 pub const FOLD_AT: usize = 256;
 
+/// Number of keys up to which a part is merged with whatever comes after it.
+pub const SMALL: usize = 1 << 16;
+/// A larger part is merged once what has come after it times this is as much.
+const SHARE: usize = 4;
+
 impl<R: Keyed> Ledger<R> {
-    /// Merges everything into one part, sorted by key. Its bytes depend on the rows alone. Does nothing when there is
-    /// nothing to merge.
+    /// Merges everything into one part, sorted by key. Its bytes depend on the rows alone. A part of more than [`SMALL`]
+    /// keys is left as it is until a quarter as many have come after it, so that few rows more are few rows to write;
+    /// which parts there are depends then on which compactions came before. Does nothing when there is nothing to merge.
     ///
     /// # Errors
     /// [`StoreError::Busy`], [`StoreError::Io`] or [`StoreError::Table`]; no row is lost then.
@@ -26,8 +32,8 @@ impl<R: Keyed> Ledger<R> {
             return Ok(());
         }
         let _turn = self.take_turn()?;
-        let all: BTreeSet<u64> = self.read().blocks.keys().copied().collect();
-        self.merge(&all)?;
+        let chosen = to_merge(&self.read());
+        self.merge(&chosen)?;
         // With no journal left its numbers start again, so that the files tell nothing of how the rows came in.
         let manifest = Manifest::new(0, self.read().manifest.parts.clone());
         manifest.publish(&self.folder)?;
@@ -38,14 +44,13 @@ impl<R: Keyed> Ledger<R> {
 
     /// Merges the journal into one more part. The caller has the turn.
     pub(super) fn fold(&self) -> Result<(), StoreError> {
-        let journal = |block: &Block| matches!(block.source, Source::Journal);
-        let chosen = self.read().blocks.iter().filter(|(_, block)| journal(block)).map(|(at, _)| *at).collect();
+        let chosen = self.read().blocks.iter().filter(|(_, block)| block.is_journal()).map(|(at, _)| *at).collect();
         self.merge(&chosen)
     }
 
     fn is_compact(&self) -> bool {
         let state = self.read();
-        !state.untidy && state.journal_length() == 0 && state.blocks.len() <= 1
+        !state.untidy && state.journal_length() == 0 && to_merge(&state).len() <= 1
     }
 
     fn merge(&self, chosen: &BTreeSet<u64>) -> Result<(), StoreError> {
@@ -59,7 +64,7 @@ impl<R: Keyed> Ledger<R> {
         let mut state = self.write();
         state.blocks.retain(|at, _| !chosen.contains(at));
         if let Some(part) = part {
-            state.add(Block { batch, source: Source::Part(part) }, &spans);
+            state.add(Block::held(R::SPEC, &batch, Source::Part(part), spans.len()), &spans);
         }
         state.manifest = manifest;
         drop(state);
@@ -91,4 +96,18 @@ impl<R: Keyed> Ledger<R> {
         folders.dedup();
         folders.into_iter().try_for_each(atomic::sync_folder)
     }
+}
+
+/// The blocks that go into one part: all from the last large one on.
+fn to_merge(state: &State) -> BTreeSet<u64> {
+    let mut chosen = BTreeSet::new();
+    let mut keys = 0;
+    for (number, block) in state.blocks.iter().rev() {
+        if !block.is_journal() && block.keys > SMALL.max(SHARE * keys) {
+            break;
+        }
+        chosen.insert(*number);
+        keys += block.keys;
+    }
+    chosen
 }

@@ -10,6 +10,7 @@ use super::state::{Block, Source, State, spans_of};
 use crate::canonical::Digest;
 use crate::store::{Store, StoreError, Warning};
 use crate::tables::{Keyed, io};
+use bytes::Bytes;
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -32,6 +33,9 @@ pub(super) fn load<R: Keyed>(store: &Store, folder: &Path, kind: &str, writing: 
     }
 }
 
+/// A block and its keys: (key, first row, number of rows).
+type Loaded = (Block, Vec<(Digest, usize, usize)>);
+
 struct Loader<'a> {
     store: &'a Store,
     folder: &'a Path,
@@ -47,7 +51,7 @@ impl Loader<'_> {
         for Journal { sequence, path } in &files.journal {
             self.state.sequence = self.state.sequence.max(*sequence);
             if *sequence > self.state.manifest.folded {
-                self.load_block::<R>(path, Source::Journal)?;
+                self.add_block::<R>(path, Source::Journal)?;
             }
         }
         self.state.sequence = self.state.sequence.max(self.state.manifest.folded);
@@ -69,7 +73,7 @@ impl Loader<'_> {
 
     fn load_listed<R: Keyed>(&mut self, manifest: Manifest) -> Result<(), StoreError> {
         for part in &manifest.parts {
-            self.load_block::<R>(&self.folder.join(part.file_name()), Source::Part(part.clone()))?;
+            self.add_block::<R>(&self.folder.join(part.file_name()), Source::Part(part.clone()))?;
         }
         self.state.manifest = manifest;
         Ok(())
@@ -80,7 +84,10 @@ impl Loader<'_> {
         self.state.untidy = !files.parts.is_empty();
         let mut torn = BTreeSet::new();
         for path in &files.parts {
-            torn.append(&mut self.load_block::<R>(path, Source::Journal)?);
+            if let Some((block, spans)) = self.load_block::<R>(path, Source::Journal)? {
+                torn.append(&mut self.state.contradicted(&block, &spans));
+                self.state.add(block, &spans);
+            }
         }
         for key in &torn {
             self.state.index.remove(key);
@@ -92,22 +99,30 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Adds the rows of a file, or reports it; gives the keys it overrode with other rows.
-    fn load_block<R: Keyed>(&mut self, path: &Path, source: Source) -> Result<BTreeSet<Digest>, StoreError> {
-        let Some(bytes) = self.whole_bytes(path)? else {
+    /// Adds the rows of a file, or reports it.
+    fn add_block<R: Keyed>(&mut self, path: &Path, source: Source) -> Result<(), StoreError> {
+        if let Some((block, spans)) = self.load_block::<R>(path, source)? {
+            self.state.add(block, &spans);
+        }
+        Ok(())
+    }
+
+    /// A file with its keys; nothing, and a report, where it is none.
+    fn load_block<R: Keyed>(&mut self, path: &Path, source: Source) -> Result<Option<Loaded>, StoreError> {
+        let Some(bytes) = self.whole_bytes(path)?.map(Bytes::from) else {
             self.state.untidy = true;
-            return Ok(BTreeSet::new());
+            return Ok(None);
         };
-        let batch = match io::decode(R::SPEC, &path.display().to_string(), bytes.into()) {
+        let keys = match io::columns_of(R::SPEC, &path.display().to_string(), bytes.clone(), &[R::KEY]) {
             Err(e) if e.is_of_earlier_version() => {
                 let what = "was written by an earlier version of this program; its keys count as missing".to_owned();
                 self.damaged(path, what)?;
-                return Ok(BTreeSet::new());
+                return Ok(None);
             }
-            batch => batch?,
+            keys => keys?,
         };
-        let spans = spans_of::<R>(self.kind, &batch)?;
-        Ok(self.state.add(Block { batch, source }, &spans))
+        let spans = spans_of(self.kind, keys.column::<String>(R::KEY)?)?;
+        Ok(Some((Block::in_file(R::SPEC, bytes, source, spans.len()), spans)))
     }
 
     /// The bytes of a file, unless it is gone or damaged.

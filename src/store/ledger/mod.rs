@@ -8,7 +8,8 @@
 //!
 //! An append is on disk before it returns; threads that append at the same time share one file. When the journal has
 //! [`FOLD_AT`] files it is folded into a part; [`Ledger::compact`] merges all into one part, whose bytes depend on the
-//! rows alone. A crash at any point loses nothing that was appended and duplicates nothing.
+//! rows alone, but leaves parts of more than [`SMALL`] keys as they are while little has come after them. A crash at any
+//! point loses nothing that was appended and duplicates nothing.
 //!
 //! Rows must follow from their key. The same rows again are no news, other rows are an error of nondeterminism; what
 //! does depend on time or machine (provenance, failures tried again) is [`Ledger::replace`]d.
@@ -20,7 +21,7 @@ mod load;
 mod state;
 mod survey;
 
-pub use compact::FOLD_AT;
+pub use compact::{FOLD_AT, SMALL};
 pub use survey::survey;
 
 use super::{LEDGERS, Store, StoreError, Warning};
@@ -100,9 +101,9 @@ impl<R: Keyed> Ledger<R> {
 
     /// As [`Ledger::get`], for a key that is parsed already.
     pub fn rows_of(&self, key: &Digest) -> Option<Vec<R>> {
-        let batch = self.read().rows_of(key)?;
-        // Every block was checked against the schema when it was loaded or made, so this cannot fail.
-        R::from_batch(&batch).ok()
+        let state = self.read();
+        let (columns, rows) = state.place_of(key)?;
+        R::from_checked(columns, rows).ok()
     }
 
     /// Whether there are rows of a key.

@@ -3,7 +3,7 @@
 use super::{Entry, Place, entries, entry, files, flip_a_bit, key, open, other, truncate};
 use granulake::canonical::Digest;
 use granulake::store::StoreError;
-use granulake::store::ledger::FOLD_AT;
+use granulake::store::ledger::{FOLD_AT, SMALL};
 use granulake::tables::io;
 use std::fs;
 use std::path::Path;
@@ -63,6 +63,32 @@ fn the_files_after_compaction_do_not_tell_how_the_rows_came_in() {
     let before = one.snapshot();
     open(&one.store()).compact().unwrap();
     assert_eq!(one.snapshot(), before);
+}
+
+#[test]
+fn a_large_part_stays_until_a_quarter_as_many_keys_have_come_after_it() {
+    let place = Place::new();
+    let store = place.store();
+    let ledger = open(&store);
+    let large = SMALL as u64 + 10;
+    ledger.append(&entries(0..large)).unwrap();
+    ledger.compact().unwrap();
+    let first = place.parts();
+    let add = |keys: std::ops::Range<u64>| {
+        ledger.append(&entries(keys)).unwrap();
+        ledger.compact().unwrap();
+        (place.parts().len(), first.iter().all(|path| path.exists()))
+    };
+    assert_eq!((first.len(), add(large..large + 10)), (1, (2, true)));
+    assert_eq!(add(large + 10..large + 20), (2, true), "small parts are merged");
+    drop(ledger);
+    let ledger = open(&store);
+    assert_eq!((ledger.len() as u64, ledger.warnings()), (large + 20, vec![]));
+    let last = [5, large + 15].map(|number| ledger.get(&key(number).to_string()));
+    assert_eq!(last, [Some(entry(5)), Some(entry(large + 15))]);
+    ledger.append(&entries(large + 20..large + large / 4 + 1)).unwrap();
+    ledger.compact().unwrap();
+    assert_eq!((place.parts().len(), ledger.len() as u64), (1, large + large / 4 + 1));
 }
 
 #[test]
