@@ -31,6 +31,27 @@ pub struct Clump {
     pub velocity: Vec3,
     /// Angular velocity [rad/s].
     pub spin: Vec3,
+    /// Own sliding friction over the law's [-], usually 1.
+    pub sliding_factor: f64,
+    /// Own rolling friction over the law's [-], usually 1.
+    pub rolling_factor: f64,
+}
+
+impl Clump {
+    /// A clump at rest along x.
+    pub fn new(radius: f64, aspect: f64, position: Vec3) -> Self {
+        let (velocity, spin) = ([0.0; 3], [0.0; 3]);
+        Self {
+            radius,
+            aspect,
+            axis: [1.0, 0.0, 0.0],
+            position,
+            velocity,
+            spin,
+            sliding_factor: 1.0,
+            rolling_factor: 1.0,
+        }
+    }
 }
 
 /// A row of unit spheres: what its shape alone decides.
@@ -67,6 +88,20 @@ impl Row {
             }
         }
         Self { centres, volume: volume / (4.0 / 3.0 * PI), inertia: [axial / volume, transverse / volume] }
+    }
+}
+
+impl Row {
+    /// Radius of each of the spheres, for a clump with the volume of a sphere of this radius [m].
+    pub fn sphere_radius(&self, radius: f64) -> f64 {
+        radius / libm::cbrt(self.volume)
+    }
+
+    /// Mass felt by a push across the axis at the last centre over that of the clump, 1/(1 + m x²/I_t) [-]: the least that any
+    /// push through a centre of its spheres feels.
+    pub fn lightness(&self) -> f64 {
+        let end = self.centres.last().copied().unwrap_or(0.0);
+        1.0 / (1.0 + end * end / self.inertia[1])
     }
 }
 
@@ -110,13 +145,15 @@ stored!(Clumps { bodies, owner });
 impl Clumps {
     /// Adds a clump and its spheres; one of aspect 1 is a grain like any other.
     pub fn push(&mut self, clump: &Clump, grains: &mut Particles, density: f64) {
-        let whole = Grain { velocity: clump.velocity, spin: clump.spin, ..Grain::new(clump.radius, clump.position) };
+        let Clump { velocity, spin, sliding_factor, rolling_factor, .. } = *clump;
+        let sphere = Grain::new(clump.radius, clump.position);
+        let whole = Grain { velocity, spin, sliding_factor, rolling_factor, ..sphere };
         if clump.aspect == 1.0 {
             grains.push(&whole, density);
             return;
         }
         let row = Row::new(clump.aspect);
-        let radius = clump.radius / libm::cbrt(row.volume);
+        let radius = row.sphere_radius(clump.radius);
         let first = grains.len() as u32;
         grains.push(&whole, density);
         let mass = grains.mass(first as usize);
@@ -208,6 +245,12 @@ impl Clumps {
             }
         }
         outrun
+    }
+
+    /// How many grains of the kept clumps are more than one for each of them.
+    pub fn surplus(&self, keep: &[bool]) -> usize {
+        let kept = self.bodies.iter().filter(|body| keep[body.members[0] as usize]);
+        kept.map(|body| body.members.len() - 1).sum()
     }
 
     /// A clump goes as a whole: where one of its grains is not kept, none is.
@@ -313,6 +356,17 @@ impl Body {
             momentum,
             rotational: 0.5 * dot(momentum, spin),
         }
+    }
+
+    /// Whether grain `i` is its first.
+    pub fn begins_with(&self, i: usize) -> bool {
+        self.members[0] as usize == i
+    }
+
+    /// Centre, and radius of the sphere of its volume [m].
+    pub fn as_sphere(&self, density: f64) -> Row4 {
+        let [x, y, z] = self.centre;
+        Row4([x, y, z, libm::cbrt(self.mass / (density * 4.0 / 3.0 * PI))])
     }
 
     /// Number of spheres.

@@ -3,22 +3,25 @@
 //! A horizontal plane rises by a small step with every attempted grain. Each attempt draws a place in the area; it is refused
 //! when the grain would touch a grain or a wall or lie behind one, and the same grain is tried again elsewhere. (Drawing a new radius after a
 //! refusal would favour small grains: three times as many in the same volume, which is no longer the sieved distribution.)
-//! The grain that reaches the volume asked for is the last.
-//! Places, sizes and frictions come from streams of their own, so that an effect on one of them leaves the others as they were.
+//! The grain that reaches the volume asked for is the last. A clump lies in any direction, with its lowest sphere in the plane.
+//! Places, sizes, directions and frictions come from streams of their own, so that an effect on one of them leaves the others as they were.
 
+use super::clumps::{Clump, Row};
 use super::material::sphere_volume;
 use super::outcome::Failure;
 use super::particles::Grain;
 use super::setup::{FillArea, Grains, Setup, Vec3};
-use super::vector::{dot, sub};
+use super::vector::{add, dot, length, scale, sub};
 use super::walls::{Geometry, Surface};
 use crate::rng::Stream;
 
 /// The inserted grains, at rest, and the number of attempts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filling {
-    /// Grains in order of insertion.
+    /// Spheres in order of insertion.
     pub grains: Vec<Grain>,
+    /// Clumps in order of insertion: all grains are of one kind or the other.
+    pub clumps: Vec<Clump>,
     /// Attempts made.
     pub attempts: u64,
 }
@@ -32,16 +35,18 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
     let step = setup.fill.plane_step * setup.grains.size.mean();
     let (mut volume, mut attempts) = (0.0, 0_u64);
     let mut sizes = Stream::new(seed, "sizes");
+    let mut shapes = Shapes::new(setup, seed);
     let mut radius = setup.grains.size.draw(&mut sizes);
+    let mut shape = shapes.draw(radius);
     let mut fine_volume = 0.0;
     while volume < setup.fill.volume {
         let height = setup.fill.base + step * attempts as f64;
         if height > setup.domain.upper[2] {
-            let inserted = inserter.grains.len();
+            let inserted = inserter.placed.len();
             return Err(Failure::FillOverflow { height, inserted, volume, wanted: setup.fill.volume });
         }
         attempts += 1;
-        if inserter.attempt(height, radius) {
+        if inserter.attempt(height, &shape) {
             volume += sphere_volume(radius);
             // A fine grain whenever there are too few of them so far; the stream of the others goes on as without.
             radius = match setup.grains.fines.filter(|fines| fine_volume < fines.fraction * volume) {
@@ -51,11 +56,60 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
                 }
                 None => setup.grains.size.draw(&mut sizes),
             };
+            shape = shapes.draw(radius);
         }
     }
-    let mut grains = inserter.grains;
-    spread_friction(&mut grains, &setup.grains, seed);
-    Ok(Filling { grains, attempts })
+    let Frictions { sliding, rolling } = Frictions::draw(inserter.placed.len(), &setup.grains, seed);
+    let factors = |k: usize| (sliding.get(k).map_or(1.0, |f| *f), rolling.get(k).map_or(1.0, |f| *f));
+    let mut filling = Filling { grains: Vec::new(), clumps: Vec::new(), attempts };
+    for (k, (shape, centre)) in inserter.placed.iter().enumerate() {
+        let (sliding_factor, rolling_factor) = factors(k);
+        match shape.axis {
+            None => filling.grains.push(Grain { sliding_factor, rolling_factor, ..Grain::new(shape.radius, *centre) }),
+            Some(axis) => {
+                let clump = Clump::new(shape.radius, setup.grains.aspect, *centre);
+                filling.clumps.push(Clump { axis, sliding_factor, rolling_factor, ..clump });
+            }
+        }
+    }
+    Ok(filling)
+}
+
+/// A grain to be placed.
+#[derive(Clone)]
+struct Shape {
+    /// Radius of the sphere of its volume [m].
+    radius: f64,
+    /// Direction of a clump.
+    axis: Option<Vec3>,
+    /// Its spheres: centres about its own and radii [m].
+    spheres: Vec<[f64; 4]>,
+}
+
+/// Gives grains their shape.
+struct Shapes {
+    /// The row of spheres, where grains are clumps.
+    row: Option<Row>,
+    directions: Stream,
+}
+
+impl Shapes {
+    fn new(setup: &Setup, seed: u64) -> Self {
+        let aspect = setup.grains.aspect;
+        Self { row: (aspect != 1.0).then(|| Row::new(aspect)), directions: Stream::new(seed, "directions") }
+    }
+
+    fn draw(&mut self, radius: f64) -> Shape {
+        let Some(row) = &self.row else { return Shape { radius, axis: None, spheres: vec![[0.0, 0.0, 0.0, radius]] } };
+        let direction = [(); 3].map(|()| self.directions.normal());
+        let axis = scale(direction, 1.0 / length(direction));
+        let size = row.sphere_radius(radius);
+        let sphere = |centre: &f64| {
+            let [x, y, z] = scale(axis, centre * size);
+            [x, y, z, size]
+        };
+        Shape { radius, axis: Some(axis), spheres: row.centres.iter().map(sphere).collect() }
+    }
 }
 
 /// Draws a place in the area [m].
@@ -78,15 +132,23 @@ fn bounds(area: &FillArea) -> [[f64; 2]; 2] {
     }
 }
 
-/// Lognormal friction factors of mean 1 for every grain, where the setup asks for them.
-fn spread_friction(grains: &mut [Grain], law: &Grains, seed: u64) {
-    if law.sliding_spread > 0.0 {
-        let mut draw = lognormal(law.sliding_spread, seed, "sliding friction spread");
-        grains.iter_mut().for_each(|grain| grain.sliding_factor = draw());
-    }
-    if law.rolling_spread > 0.0 {
-        let mut draw = lognormal(law.rolling_spread, seed, "rolling friction spread");
-        grains.iter_mut().for_each(|grain| grain.rolling_factor = draw());
+/// Friction of every grain over the law's; empty where all grains are alike.
+struct Frictions {
+    sliding: Vec<f64>,
+    rolling: Vec<f64>,
+}
+
+impl Frictions {
+    /// Lognormal factors of mean 1 where the setup asks for them.
+    fn draw(grains: usize, law: &Grains, seed: u64) -> Self {
+        let factors = |variation: f64, purpose: &str| match variation > 0.0 {
+            true => std::iter::repeat_with(lognormal(variation, seed, purpose)).take(grains).collect(),
+            false => Vec::new(),
+        };
+        Self {
+            sliding: factors(law.sliding_spread, "sliding friction spread"),
+            rolling: factors(law.rolling_spread, "rolling friction spread"),
+        }
     }
 }
 
@@ -104,7 +166,8 @@ struct Inserter<'a> {
     /// Surfaces that a grain in the column may touch, with the heights between which it may.
     near_columns: Vec<Vec<(usize, [f64; 2])>>,
     places: Stream,
-    grains: Vec<Grain>,
+    /// Grains with their centres [m].
+    placed: Vec<(Shape, Vec3)>,
     origin: [f64; 2],
     width: f64,
     shape: [usize; 2],
@@ -122,7 +185,7 @@ impl<'a> Inserter<'a> {
             surfaces,
             near_columns: vec![Vec::new(); shape[0] * shape[1]],
             places: Stream::new(seed, "positions"),
-            grains: Vec::new(),
+            placed: Vec::new(),
             origin,
             width,
             shape,
@@ -146,24 +209,33 @@ impl<'a> Inserter<'a> {
         }
     }
 
-    /// One attempt to place the next grain, of radius `radius`; whether it was placed.
-    fn attempt(&mut self, height: f64, radius: f64) -> bool {
+    /// One attempt to place a grain; whether it was placed.
+    fn attempt(&mut self, height: f64, shape: &Shape) -> bool {
         let [x, y] = draw_place(&self.setup.fill.area, &mut self.places);
-        let place = [x, y, height];
-        let column = self.column_of(x, y);
-        if !self.is_free(column, place, radius)
-            || !self.is_free_across(place, radius)
-            || !self.clears_walls(column, place, radius)
-            || !self.is_inside(place)
-        {
+        let lowest = shape.spheres.iter().fold(0.0_f64, |lowest, sphere| lowest.min(sphere[2]));
+        let centre = [x, y, height - lowest];
+        if !shape.spheres.iter().all(|sphere| self.fits(add(centre, [sphere[0], sphere[1], sphere[2]]), sphere[3])) {
             return false;
         }
-        let reach = height - self.width;
-        let column = &mut self.columns[column[1] * self.shape[0] + column[0]];
-        column.retain(|row| row[2] > reach);
-        column.push([x, y, height, radius]);
-        self.grains.push(Grain::new(radius, place));
+        let passed = height - self.width;
+        for sphere in &shape.spheres {
+            let [x, y, z] = add(centre, [sphere[0], sphere[1], sphere[2]]);
+            let column = self.column_of(x, y);
+            let column = &mut self.columns[column[1] * self.shape[0] + column[0]];
+            column.retain(|row| row[2] > passed);
+            column.push([x, y, z, sphere[3]]);
+        }
+        self.placed.push((shape.clone(), centre));
         true
+    }
+
+    /// Whether a sphere here would touch nothing and be inside.
+    fn fits(&self, place: Vec3, radius: f64) -> bool {
+        let column = self.column_of(place[0], place[1]);
+        self.is_free(column, place, radius)
+            && self.is_free_across(place, radius)
+            && self.clears_walls(column, place, radius)
+            && self.is_inside(place)
     }
 
     fn column_of(&self, x: f64, y: f64) -> [usize; 2] {
@@ -213,15 +285,14 @@ mod tests {
 
     #[test]
     fn friction_spread_has_mean_one_and_the_stated_variation() {
-        let mut grains = vec![Grain::new(1.0, [0.0; 3]); 100_000];
         let law = Grains { sliding_spread: 0.3, ..Grains::default() };
-        spread_friction(&mut grains, &law, 5);
-        let n = grains.len() as f64;
-        let mean = grains.iter().map(|g| g.sliding_factor).sum::<f64>() / n;
-        let variance = grains.iter().map(|g| (g.sliding_factor - mean) * (g.sliding_factor - mean)).sum::<f64>() / n;
+        let Frictions { sliding, rolling } = Frictions::draw(100_000, &law, 5);
+        let n = sliding.len() as f64;
+        let mean = sliding.iter().sum::<f64>() / n;
+        let variance = sliding.iter().map(|factor| (factor - mean) * (factor - mean)).sum::<f64>() / n;
         // Five standard errors: 0.3/√n for the mean; about 0.3 √((2 + excess)/(4 n)) with excess ≈ 1.5 for the variation.
         assert!((mean - 1.0).abs() < 0.005, "{mean}");
         assert!((variance.sqrt() - 0.3).abs() < 0.006, "{variance}");
-        assert!(grains.iter().all(|g| g.rolling_factor == 1.0));
+        assert!(rolling.is_empty());
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Takes a [`Setup`], gives [`Law`]. Pure; the only place that knows the readings of "damping".
 
+use super::clumps::Row;
 use super::contact::Coefficients;
 use super::setup::{ContactLaw, Damping, Setup};
 use std::f64::consts::PI;
@@ -33,10 +34,12 @@ pub fn collision_time(mass: f64, stiffness: f64) -> f64 {
 
 /// Time step of a setup [s]: its fraction of the collision time of two of the smallest possible grains.
 ///
-/// The smallest *possible* grain, not the smallest drawn, so that the step follows from the settings alone.
+/// The smallest *possible* grain, not the smallest drawn, so that the step follows from the settings alone. A clump that is hit
+/// beside its centre gives way like a lighter grain, see [`Row::lightness`].
 pub fn time_step(setup: &Setup) -> f64 {
     let mass = sphere_mass(setup.grains.density, setup.grains.smallest());
-    setup.time_step_fraction * collision_time(mass, setup.contact.stiffness)
+    let lightness = if setup.grains.aspect == 1.0 { 1.0 } else { Row::new(setup.grains.aspect).lightness() };
+    setup.time_step_fraction * collision_time(lightness * mass, setup.contact.stiffness)
 }
 
 /// How γ_n follows from m_eff.

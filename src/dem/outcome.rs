@@ -3,7 +3,8 @@
 use super::checkpoint::stored;
 use super::setup::Vec3;
 
-/// Final state of the grains, structure of arrays in order of insertion; every array has one entry per grain.
+/// State of the grains, structure of arrays in order of insertion; every array has one entry per grain. At the end of a run a
+/// clump is one grain, the sphere of its volume.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
     /// Number of the grain in order of insertion; deleted grains leave gaps.

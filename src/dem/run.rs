@@ -75,8 +75,9 @@ impl<'a> Simulation<'a> {
     pub fn new(setup: &'a Setup, seed: u64) -> Result<Self, Failure> {
         validate(setup)?;
         let filling = fill(setup, seed)?;
-        let world = World::new(setup, &filling.grains)?;
-        let log = Log { inserted: filling.grains.len(), attempts: filling.attempts, ..Log::default() };
+        let world = World::with_clumps(setup, &filling.grains, &filling.clumps)?;
+        let inserted = filling.grains.len() + filling.clumps.len();
+        let log = Log { inserted, attempts: filling.attempts, ..Log::default() };
         Ok(Self::at(setup, seed, world, log))
     }
 
@@ -185,7 +186,7 @@ impl<'a> Simulation<'a> {
     pub fn outcome(self, stop: Stop) -> Outcome {
         let Self { world, log, .. } = self;
         Outcome {
-            state: world.state(),
+            state: world.state_of_bodies(),
             trace: log.trace,
             stop,
             steps: world.steps(),

@@ -38,11 +38,13 @@ pub struct Setup {
     pub trace: Option<Trace>,
 }
 
-/// The grains: spheres of one material.
+/// The grains: spheres, or rigid clumps of spheres, of one material.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grains {
-    /// Distribution of the radius.
+    /// Distribution of the radius; of a clump that of the sphere of its volume.
     pub size: SizeDistribution,
+    /// Length over width [-]: 1 are spheres, up to 2.5 rigid clumps of two or three spheres in a row.
+    pub aspect: f64,
     /// Particle density ρ_p [kg/m³].
     pub density: f64,
     /// Coefficient of variation of each grain's own sliding friction (lognormal, mean kept) [-]; 0 is off.
@@ -332,6 +334,7 @@ impl Default for Grains {
     fn default() -> Self {
         Self {
             size: SizeDistribution::TruncatedNormal { mean: 5.02e-3, sd: 1.39e-3, below: 1.5, above: 5.0 },
+            aspect: 1.0,
             density: 2750.0,
             sliding_spread: 0.0,
             rolling_spread: 0.0,

@@ -72,6 +72,8 @@ fn grains(setup: &Setup) -> Result<(), Failure> {
         return Err(Failure::InvalidSetup { what, remedy });
     }
     positive("particle density", setup.grains.density)?;
+    let aspect = setup.grains.aspect;
+    require((1.0..=2.5).contains(&aspect), || format!("the aspect ratio of the grains is {aspect}"), "give 1 to 2.5")?;
     not_negative("sliding friction spread", setup.grains.sliding_spread)?;
     not_negative("rolling friction spread", setup.grains.rolling_spread)?;
     not_negative("drag", setup.grains.drag)?;

@@ -194,7 +194,7 @@ impl World {
         self.steps as f64 * self.time_step
     }
 
-    /// Number of grains.
+    /// Number of grains, every sphere of a clump being one.
     pub fn len(&self) -> usize {
         self.grains.len()
     }
@@ -219,21 +219,35 @@ impl World {
         self.pairs.len()
     }
 
-    /// Grains in order of insertion, with velocities at the time of the positions.
+    /// Grains in order of insertion, spheres of clumps among them, with velocities at the time of the positions.
     pub fn state(&self) -> State {
+        self.state_of(|i| Some(self.grains.place[i]))
+    }
+
+    /// The same, but a clump is one grain: the sphere of its volume at its centre.
+    pub fn state_of_bodies(&self) -> State {
+        self.state_of(|i| match self.clumps.of_grain(i) {
+            None => Some(self.grains.place[i]),
+            Some(body) => body.begins_with(i).then(|| body.as_sphere(self.density)),
+        })
+    }
+
+    fn state_of(&self, place: impl Fn(usize) -> Option<Row4>) -> State {
         let mut order: Vec<usize> = (0..self.len()).collect();
         order.sort_unstable_by_key(|&i| self.grains.id[i]);
         let mut state = State::default();
         for i in order {
-            self.append(i, &mut state);
+            if let Some(place) = place(i) {
+                self.append(i, &place, &mut state);
+            }
         }
         state
     }
 
-    fn append(&self, i: usize, state: &mut State) {
-        let [x, y, z, radius] = *self.grains.place[i];
+    fn append(&self, i: usize, place: &Row4, state: &mut State) {
+        let [x, y, z, radius] = **place;
         let y = self.period.map_or(y, |ends| wrapped(y, ends));
-        let ([vx, vy, vz], [wx, wy, wz]) = self.velocities(i);
+        let ([vx, vy, vz], [wx, wy, wz]) = self.velocities_at(i, xyz(place));
         state.id.push(self.grains.id[i]);
         state.radius.push(radius);
         let columns = [&mut state.x, &mut state.y, &mut state.z, &mut state.vx, &mut state.vy, &mut state.vz];
@@ -244,8 +258,13 @@ impl World {
 
     /// Velocity and angular velocity at the time of the positions: half a kick after those kept.
     pub(super) fn velocities(&self, i: usize) -> (Vec3, Vec3) {
+        self.velocities_at(i, xyz(&self.grains.place[i]))
+    }
+
+    /// The same at another place of the body that grain `i` belongs to.
+    fn velocities_at(&self, i: usize, place: Vec3) -> (Vec3, Vec3) {
         if let Some(body) = self.clumps.of_grain(i) {
-            return body.velocities(xyz(&self.grains.place[i]), &self.grains.load, self.time_step, self.gravity);
+            return body.velocities(place, &self.grains.load, self.time_step, self.gravity);
         }
         let (motion, spin, load) = (&self.grains.motion[i], &self.grains.spin[i], &self.grains.load[i]);
         let half = 0.5 * self.time_step;
@@ -305,18 +324,23 @@ impl World {
         if deep { Err(self.deepest_overlap()) } else { Ok(()) }
     }
 
-    /// Removes the grains above a height, and clumps with one of them, and gives the number of grains.
+    /// Removes the grains above a height, and clumps with one of them, and gives their number.
     ///
     /// # Errors
     /// [`Failure::NotFinite`] from the rebuild.
     pub fn delete_above(&mut self, height: f64, reference: Reference) -> Result<usize, Failure> {
-        let before = self.len();
+        let before = self.count(&vec![true; self.len()]);
         self.spare.keep.clear();
         self.spare.keep.extend(self.grains.place.iter().map(|place| reference.height(place) <= height));
         self.clumps.keep_whole(&mut self.spare.keep);
-        let kept = self.spare.keep.iter().filter(|keep| **keep).count();
+        let kept = self.count(&self.spare.keep);
         self.rebuild_kept()?;
         Ok(before - kept)
+    }
+
+    /// Number of the grains kept, a clump being one.
+    fn count(&self, keep: &[bool]) -> usize {
+        keep.iter().filter(|keep| **keep).count() - self.clumps.surplus(keep)
     }
 
     /// Height of the highest grain [m]; -∞ without grains.
@@ -377,13 +401,12 @@ impl World {
         if let Some(ends) = self.period {
             self.grains.place.iter_mut().for_each(|place| place[1] = wrapped(place[1], ends));
         }
-        let kept = |keep: &[bool]| keep.iter().filter(|keep| **keep).count();
-        let before = kept(&self.spare.keep);
+        let before = self.count(&self.spare.keep);
         for (keep, place) in self.spare.keep.iter_mut().zip(&self.grains.place) {
             *keep &= self.domain.contains(xyz(place));
         }
         self.clumps.keep_whole(&mut self.spare.keep);
-        self.lost += before - kept(&self.spare.keep);
+        self.lost += before - self.count(&self.spare.keep);
         self.rebuilds += 1;
         let rupture = self.bridges.as_ref().map_or(0.0, |law| law.rupture_gap(1.0));
         let widest = self.skin.renew(&self.grains, &self.walls, rupture);
@@ -664,9 +687,8 @@ mod tests {
             radius: 0.6 * grain.radius,
             aspect: 1.2 + 0.2 * (k % 5) as f64,
             axis: [1.0, 0.3 * k as f64, 0.5],
-            position: grain.position,
-            velocity: [0.0; 3],
             spin: [1.0, 2.0, 3.0],
+            ..Clump::new(grain.radius, 1.0, grain.position)
         };
         let clumps: Vec<Clump> = bound.iter().enumerate().map(clump).collect();
         let start = |arch| World { arch, ..World::with_clumps(&setup, free, &clumps).unwrap() };

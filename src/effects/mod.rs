@@ -18,6 +18,7 @@ mod layer_thickness;
 mod level_error;
 mod library;
 mod load_cell_gain;
+mod particle_shape;
 mod release_delay;
 mod rolling_spread;
 mod scale_tare;
@@ -56,6 +57,7 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &scale_tare::ScaleTare,
     &load_cell_gain::LoadCellGain,
     &air_drag::AirDrag,
+    &particle_shape::ParticleShape,
     &cohesion_dry_walls::CohesionDryWalls,
 ];
 

@@ -17,6 +17,7 @@ const LOOSEST_CLOUD: f64 = 0.08;
 pub fn grains(settings: &Settings, scale: f64) -> Grains {
     Grains {
         size: sizes(settings, scale),
+        aspect: settings["aspect_ratio"],
         density: settings["particle_density"],
         sliding_spread: settings["friction_spread_cv"],
         rolling_spread: rolling_spread(settings),

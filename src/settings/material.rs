@@ -72,6 +72,15 @@ pub const MATERIAL: &[SettingSpec] = &[
     )
     .silent(),
     SettingSpec::number(
+        "aspect_ratio",
+        "1",
+        (1.0, 1.0, 2.5),
+        ALL,
+        "length over width of the grains: rigid clumps of two (to 1.6) or three equal spheres in a row; 1 = spheres",
+        "absent in the paper",
+    )
+    .silent(),
+    SettingSpec::number(
         "fines_fraction",
         "1",
         (0.0, 0.0, 0.5),

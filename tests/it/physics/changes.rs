@@ -1,6 +1,7 @@
 //! What effects change in the engine: drag, gravity of a moved vessel, a gate that is pulled, fines.
 
 use super::*;
+use granulake::dem::{Simulation, Stop};
 
 /// A falling grain comes to v_t = √(m g/(c π R²)), and with v = v_t tanh(g t/v_t) on its way.
 #[test]
@@ -114,4 +115,41 @@ fn a_pulled_gate_leaves_in_its_time() {
         let (more, later) = gone(&settings);
         assert!(more == events + 1 && (later - at_once - 0.25).abs() < 1e-12, "{}", experiment.name());
     }
+}
+
+/// Grains of the same volume whatever their shape, inserted without contact, each of them kept, taken away and weighed as a
+/// whole; spheres have no stream of directions and keep every bit.
+#[test]
+fn a_bed_of_clumps_is_inserted_levelled_and_counted_by_the_clump() {
+    for aspect in [1.4, 2.2] {
+        let setup = Setup { grains: Grains { aspect, ..bed_setup().grains }, ..bed_setup() };
+        let start = Simulation::new(&setup, 5).unwrap();
+        let spheres = if aspect < 1.6 { 2 } else { 3 };
+        assert_eq!(start.world().len(), spheres * start.world().clumps().len());
+        assert!(start.world().contacts().is_empty(), "{} contacts", start.world().contacts().len());
+        let outcome = simulate(&setup, 5).unwrap();
+        assert_eq!(outcome.state.len() + outcome.deleted + outcome.lost, outcome.inserted);
+        assert!(
+            outcome.deleted > 0 && outcome.stop == Stop::EnergyRatio,
+            "{:?} after {} s",
+            outcome.stop,
+            outcome.time
+        );
+        // The sizes of a filling are those of spheres, so that the grains that are left have radii of that filling.
+        let filling = simulate(&Setup { events: Vec::new(), ..bed_setup() }, 5).unwrap().state.radius;
+        let known = |r: &f64| filling.iter().any(|other| (r / other - 1.0).abs() < 1e-12);
+        assert!(outcome.state.radius.iter().all(known), "aspect {aspect}");
+    }
+}
+
+/// A clump is stiffer to turn the farther out it is hit: the step falls with √(1/(1 + m x²/I)), which for two touching
+/// spheres of radius r, each of half the mass, is √(1/(1 + 1/(2/5 + 1))) = √(7/12).
+#[test]
+fn the_step_of_clumps_is_that_of_what_a_push_feels() {
+    let step = |aspect| {
+        World::new(&Setup { grains: Grains { aspect, ..equal_spheres() }, ..space(0.1) }, &[]).unwrap().time_step()
+    };
+    assert!((step(1.0 + 1e-9) / step(1.0) - 1.0).abs() < 1e-6);
+    let far = step(1.5999) / step(1.0);
+    assert!(far < 0.9 && far > (7.0_f64 / 12.0).sqrt(), "{far}");
 }

@@ -4,7 +4,7 @@ use super::*;
 use granulake::dem::{Clump, ClumpMotion, State};
 
 fn clump(aspect: f64, position: Vec3) -> Clump {
-    Clump { radius: RADIUS, aspect, axis: [1.0, 0.0, 0.0], position, velocity: [0.0; 3], spin: [0.0; 3] }
+    Clump::new(RADIUS, aspect, position)
 }
 
 fn dot(a: Vec3, b: Vec3) -> f64 {
