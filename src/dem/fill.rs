@@ -1,15 +1,16 @@
 //! Random insertion of grains without contact (paper, section 3.2).
 //!
 //! A horizontal plane rises by a small step with every attempted grain. Each attempt draws a place in the area; it is refused
-//! when the grain would touch a grain or a wall or lie behind one, and the same grain is tried again elsewhere. (Drawing a new radius after a
-//! refusal would favour small grains: three times as many in the same volume, which is no longer the sieved distribution.)
+//! when the grain would touch a grain or a wall, lie behind a wall or in a mesh that is closed, and the same grain is tried
+//! again elsewhere. (Drawing a new radius after a refusal would favour small grains: three times as many in the same volume, which is no longer the sieved distribution.)
 //! The grain that reaches the volume asked for is the last.
 //! Places, sizes and frictions come from streams of their own, so that an effect on one of them leaves the others as they were.
 
 use super::material::sphere_volume;
 use super::outcome::Failure;
 use super::particles::Grain;
-use super::setup::{FillArea, Grains, Setup, Vec3};
+use super::setup::{FillArea, Grains, Setup, Shape, Vec3, Wall};
+use super::stl::{Facet, is_closed};
 use super::vector::{dot, sub};
 use super::walls::{Geometry, Surface};
 use crate::rng::Stream;
@@ -101,6 +102,8 @@ fn lognormal(variation: f64, seed: u64, purpose: &str) -> impl FnMut() -> f64 {
 struct Inserter<'a> {
     setup: &'a Setup,
     surfaces: Vec<Surface>,
+    /// For every surface the closed mesh that it is a facet of, as the number of its first surface.
+    solids: Vec<Option<usize>>,
     /// Surfaces that a grain in the column may touch, with the heights between which it may.
     near_columns: Vec<Vec<(usize, [f64; 2])>>,
     places: Stream,
@@ -120,6 +123,7 @@ impl<'a> Inserter<'a> {
         let mut inserter = Self {
             setup,
             surfaces,
+            solids: solids(&setup.walls),
             near_columns: vec![Vec::new(); shape[0] * shape[1]],
             places: Stream::new(seed, "positions"),
             grains: Vec::new(),
@@ -155,6 +159,7 @@ impl<'a> Inserter<'a> {
             || !self.is_free_across(place, radius)
             || !self.clears_walls(column, place, radius)
             || !self.is_inside(place)
+            || self.is_in_solid(column, place)
         {
             return false;
         }
@@ -203,8 +208,35 @@ impl<'a> Inserter<'a> {
     fn is_inside(&self, place: Vec3) -> bool {
         let [lower, upper] = bounds(&self.setup.fill.area);
         let middle = [0.5 * (lower[0] + upper[0]), 0.5 * (lower[1] + upper[1]), place[2]];
-        self.surfaces.iter().all(|surface| !surface.separates(middle, place))
+        let mut bare = self.surfaces.iter().zip(&self.solids).filter(|(_, solid)| solid.is_none());
+        bare.all(|(surface, _)| !surface.separates(middle, place))
     }
+
+    /// Whether the place lies in a closed mesh: the way straight up leaves it an odd number of times.
+    fn is_in_solid(&self, [cx, cy]: [usize; 2], place: Vec3) -> bool {
+        let mut left: Vec<usize> = Vec::new();
+        for (k, [_, high]) in &self.near_columns[cy * self.shape[0] + cx] {
+            let above = [place[0], place[1], high.max(place[2]) + self.width];
+            left.extend(self.solids[*k].filter(|_| self.surfaces[*k].separates(place, above)));
+        }
+        left.sort_unstable();
+        left.chunk_by(|a, b| a == b).any(|same| same.len() % 2 == 1)
+    }
+}
+
+/// For every wall the closed mesh that it belongs to, as the number of the mesh's first wall.
+fn solids(walls: &[Wall]) -> Vec<Option<usize>> {
+    let corners = |wall: &Wall| match &wall.shape {
+        Shape::Triangle { corners } => Some(*corners),
+        _ => None,
+    };
+    let mut solids = Vec::new();
+    for mesh in walls.chunk_by(|a, b| a.name == b.name) {
+        let facets: Option<Vec<Facet>> = mesh.iter().map(corners).collect();
+        let solid = facets.filter(|facets| is_closed(facets)).map(|_| solids.len());
+        solids.resize(solids.len() + mesh.len(), solid);
+    }
+    solids
 }
 
 #[cfg(test)]
