@@ -2,7 +2,8 @@
 //!
 //! A horizontal plane rises by a small step with every attempted grain. Each attempt draws a place in the area; it is refused
 //! when the grain would touch a grain or a wall, lie behind a wall or in a mesh that is closed, and the same grain is tried
-//! again elsewhere. (Drawing a new radius after a refusal would favour small grains: three times as many in the same volume, which is no longer the sieved distribution.)
+//! again elsewhere. (Drawing a new radius after a refusal would favour small grains: three times as many in the same volume,
+//! which is no longer the sieved distribution.)
 //! The grain that reaches the volume asked for is the last.
 //! Places, sizes and frictions come from streams of their own, so that an effect on one of them leaves the others as they were.
 
