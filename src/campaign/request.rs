@@ -139,7 +139,7 @@ impl Request {
         same && self.point.effects.is_empty()
     }
 
-    /// Content key of the run: physics version, experiment, seed and its resolved settings.
+    /// Content key of the run: physics version, experiment, seed, its resolved settings, and equipment if there is any.
     ///
     /// # Errors
     /// A setting that is NaN.
@@ -154,10 +154,13 @@ impl Request {
         digest(RUN_CONTEXT, &encoder)
     }
 
-    /// The settings of one scope that the experiment reads, encoded for a key.
+    /// The settings of one scope that the experiment reads, encoded for a key; with the equipment that is simulated.
     pub(super) fn told(&self, resolved: &Settings, scope: Scope) -> Result<Encoder, CampaignError> {
         let mut encoder = Encoder::new();
         encode(&mut encoder, &resolved.for_experiment(self.experiment.name(), scope))?;
+        for piece in resolved.equipment(self.experiment.name()).filter(|_| scope == Scope::Simulate) {
+            encoder.str(&piece.name).str(piece.material).bytes(&piece.digest.0);
+        }
         Ok(encoder)
     }
 }

@@ -22,6 +22,7 @@ pub fn check(value: &DeValue, kind: Kind, unit: &str, effects: &[&str]) -> Resul
         Kind::Text => text(value).map(Value::Text),
         Kind::Name | Kind::Measured | Kind::Parameter => name(value, kind).map(Value::Text),
         Kind::Path => path(value).map(Value::Text),
+        Kind::Unit(expected) => unit_name(value, expected).map(Value::Text),
         Kind::Flag => value.as_bool().map(Value::Flag).ok_or_else(|| expected("true or false", value)),
         Kind::Count(least, most) => count(value, least, most).map(Value::Count),
         Kind::Number(unit, lower, upper) => bounded(value, unit, lower, upper).map(Value::Number),
@@ -99,6 +100,12 @@ fn text(value: &DeValue) -> Result<String, Complaint> {
 fn path(value: &DeValue) -> Result<String, Complaint> {
     let path = text(value)?;
     if path.trim().is_empty() { Err("the path is empty; give one relative to this file".to_owned()) } else { Ok(path) }
+}
+
+fn unit_name(value: &DeValue, expected: &str) -> Result<String, Complaint> {
+    let name = text(value)?;
+    let one = units::convert(1.0, &name, expected);
+    one.map(|_| name).map_err(|error| format!("{error}; give the unit alone"))
 }
 
 fn name(value: &DeValue, kind: Kind) -> Result<String, Complaint> {

@@ -5,6 +5,7 @@
 
 use crate::effects::{EFFECTS, Way};
 use crate::experiments::EXPERIMENTS;
+use crate::settings::MATERIALS;
 
 /// What a key may hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +16,8 @@ pub enum Kind {
     Name,
     /// A path, relative to the folder of the file.
     Path,
+    /// The name of a unit that can be converted to this one.
+    Unit(&'static str),
     /// true or false.
     Flag,
     /// A whole number within inclusive bounds.
@@ -118,6 +121,11 @@ pub const SECTIONS: &[Section] = &[
         path: "setup",
         shape: Shape::Settings,
         meaning: "settings of the model that differ from the full-scale study of the paper",
+    },
+    Section {
+        path: "equipment",
+        shape: Shape::List(&["experiment", "name"], EQUIPMENT),
+        meaning: "triangle meshes of your own that stand in an apparatus",
     },
     Section { path: "measured", shape: Shape::List(&["name"], MEASURED), meaning: "measured data sets" },
     Section {
@@ -227,6 +235,18 @@ const DESIGN: &[Key] = &[
         "CSV or Parquet file with points to add or to repeat more often, as `plan --suggest` writes it; empty = none",
     ),
     key("validation", Kind::Count(0, MANY), "8", "points the metamodels are judged by, never trained on"),
+];
+
+const EQUIPMENT: &[Key] = &[
+    required("experiment", Kind::Experiment, "experiment in whose apparatus it stands"),
+    required("name", Kind::Name, "name of the wall"),
+    required("stl", Kind::Path, "STL file, binary or ASCII, in the coordinates of the apparatus"),
+    required("unit", Kind::Unit("m"), "unit of length of the numbers in the file"),
+    required(
+        "material",
+        Kind::Choice(MATERIALS),
+        "wall material, whose friction is the setting wall_friction_MATERIAL",
+    ),
 ];
 
 const MEASURED: &[Key] = &[

@@ -7,6 +7,7 @@
 mod check;
 mod cross;
 mod declare;
+mod equipment;
 pub mod measured;
 mod nearest;
 pub mod points;
@@ -30,7 +31,7 @@ pub use types::{
 };
 
 use crate::experiments::{EXPERIMENTS, Experiment};
-use crate::settings::{self, Scope, SettingSpec, Settings};
+use crate::settings::{self, Equipment, Scope, SettingSpec, Settings};
 use read::Reading;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -162,7 +163,7 @@ impl Config {
         EXPERIMENTS.iter().copied().filter(|experiment| fitted.iter().any(|name| name == experiment.name())).collect()
     }
 
-    /// Settings of the model before parameters and effects: the defaults with the overrides of `[setup]`.
+    /// Settings of the model before parameters and effects: the defaults with the overrides of `[setup]`, and equipment.
     pub fn base_settings(&self) -> &Settings {
         &self.reading.settings
     }
@@ -195,13 +196,27 @@ impl Config {
 
     /// Resolved values of `[setup]` in one scope, but only those that one of `experiments` reads, as
     /// [`Config::settings_text`] gives them: a stage that measures a pile does not care for the shape of a hopper.
+    /// The equipment of these experiments is part of what is simulated.
     pub fn setup_text(&self, experiments: &[&dyn Experiment], scope: Scope) -> BTreeMap<String, String> {
         let told = |spec: &SettingSpec| spec.is_told(self.base_settings().get(spec.name).unwrap_or_default());
-        let read =
-            |spec: &&SettingSpec| experiments.iter().any(|experiment| spec.is_used_by(experiment.name())) && told(spec);
-        let paths = settings::specs().filter(|spec| spec.scope == scope).filter(read);
+        let used = |spec: &SettingSpec| experiments.iter().any(|one| self.base_settings().is_read(spec, one.name()));
+        let paths = settings::specs().filter(|spec| spec.scope == scope && used(spec) && told(spec));
         let paths: Vec<String> = paths.map(|spec| format!("setup.{}", spec.name)).collect();
-        self.settings_text(&paths.iter().map(String::as_str).collect::<Vec<_>>())
+        let mut text = self.settings_text(&paths.iter().map(String::as_str).collect::<Vec<_>>());
+        if scope == Scope::Simulate {
+            text.extend(self.equipment_text(experiments));
+        }
+        text
+    }
+
+    /// Material and digest of every mesh in the apparatus of one of `experiments`, as [`Config::settings_text`] gives them;
+    /// neither where the file lies nor how it is written makes a difference.
+    pub fn equipment_text(&self, experiments: &[&dyn Experiment]) -> BTreeMap<String, String> {
+        let told = |piece: &Equipment| {
+            let path = format!("equipment.{}.{}", piece.experiment, piece.name);
+            (path, format!("{}, {}", piece.text(), piece.digest))
+        };
+        experiments.iter().flat_map(|one| self.base_settings().equipment(one.name())).map(told).collect()
     }
 
     /// What is known of the parameters besides `measured`: the priors that the study declares for it, and for any other
@@ -258,6 +273,8 @@ impl Config {
         }
         Problems::none_in(std::mem::take(&mut reading.problems))?;
         let mut config = Self::build(reading, file);
+        let equipment = equipment::read(&config)?;
+        config.reading.settings.equip(equipment);
         if let Some(path) = types::points_file(&config.reading.values) {
             config.chosen = points::read(&config.resolve(&path), &config.parameters)?;
         }

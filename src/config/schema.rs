@@ -80,7 +80,7 @@ fn of_kind(kind: Kind) -> Value {
     let all_or = |items: Value| json!({ "anyOf": [{ "const": "all" }, list(items)] });
     match kind {
         Kind::Text => json!({ "type": "string" }),
-        Kind::Path => json!({ "type": "string", "minLength": 1 }),
+        Kind::Path | Kind::Unit(_) => json!({ "type": "string", "minLength": 1 }),
         Kind::Name | Kind::Measured => json!({ "type": "string", "pattern": NAME }),
         Kind::Parameter => json!({ "enum": number_settings() }),
         Kind::Flag => json!({ "type": "boolean" }),

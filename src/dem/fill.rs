@@ -1,16 +1,19 @@
 //! Random insertion of grains without contact (paper, section 3.2).
 //!
 //! A horizontal plane rises by a small step with every attempted grain. Each attempt draws a place in the area; it is refused
-//! when the grain would touch a grain or a wall or lie behind one, and the same grain is tried again elsewhere. (Drawing a new radius after a
-//! refusal would favour small grains: three times as many in the same volume, which is no longer the sieved distribution.)
+//! when the grain would touch a grain or a wall, lie behind a wall or in a mesh that is closed, and the same grain is tried
+//! again elsewhere. (Drawing a new radius after a refusal would favour small grains: three times as many in the same volume,
+//! which is no longer the sieved distribution.)
 //! The grain that reaches the volume asked for is the last. A clump lies in any direction, with its lowest sphere in the plane.
-//! Places, sizes, directions and frictions come from streams of their own, so that an effect on one of them leaves the others as they were.
+//! Places, sizes, directions and frictions come from streams of their own, so that an effect on one of them leaves the others
+//! as they were.
 
 use super::clumps::{Clump, Row};
 use super::material::sphere_volume;
 use super::outcome::Failure;
 use super::particles::Grain;
-use super::setup::{FillArea, Grains, Setup, Vec3};
+use super::setup::{FillArea, Grains, Setup, Shape, Vec3, Wall};
+use super::stl::{Facet, is_closed};
 use super::vector::{add, dot, length, scale, sub};
 use super::walls::{Geometry, Surface};
 use crate::rng::Stream;
@@ -35,9 +38,9 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
     let step = setup.fill.plane_step * setup.grains.size.mean();
     let (mut volume, mut attempts) = (0.0, 0_u64);
     let mut sizes = Stream::new(seed, "sizes");
-    let mut shapes = Shapes::new(setup, seed);
+    let mut bodies = Bodies::new(setup, seed);
     let mut radius = setup.grains.size.draw(&mut sizes);
-    let mut shape = shapes.draw(radius);
+    let mut body = bodies.draw(radius);
     let mut fine_volume = 0.0;
     while volume < setup.fill.volume {
         let height = setup.fill.base + step * attempts as f64;
@@ -46,7 +49,7 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
             return Err(Failure::FillOverflow { height, inserted, volume, wanted: setup.fill.volume });
         }
         attempts += 1;
-        if inserter.attempt(height, &shape) {
+        if inserter.attempt(height, &body) {
             volume += sphere_volume(radius);
             // A fine grain whenever there are too few of them so far; the stream of the others goes on as without.
             radius = match setup.grains.fines.filter(|fines| fine_volume < fines.fraction * volume) {
@@ -56,18 +59,18 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
                 }
                 None => setup.grains.size.draw(&mut sizes),
             };
-            shape = shapes.draw(radius);
+            body = bodies.draw(radius);
         }
     }
     let Frictions { sliding, rolling } = Frictions::draw(inserter.placed.len(), &setup.grains, seed);
     let factors = |k: usize| (sliding.get(k).map_or(1.0, |f| *f), rolling.get(k).map_or(1.0, |f| *f));
     let mut filling = Filling { grains: Vec::new(), clumps: Vec::new(), attempts };
-    for (k, (shape, centre)) in inserter.placed.iter().enumerate() {
+    for (k, (body, centre)) in inserter.placed.iter().enumerate() {
         let (sliding_factor, rolling_factor) = factors(k);
-        match shape.axis {
-            None => filling.grains.push(Grain { sliding_factor, rolling_factor, ..Grain::new(shape.radius, *centre) }),
+        match body.axis {
+            None => filling.grains.push(Grain { sliding_factor, rolling_factor, ..Grain::new(body.radius, *centre) }),
             Some(axis) => {
-                let clump = Clump::new(shape.radius, setup.grains.aspect, *centre);
+                let clump = Clump::new(body.radius, setup.grains.aspect, *centre);
                 filling.clumps.push(Clump { axis, sliding_factor, rolling_factor, ..clump });
             }
         }
@@ -77,7 +80,7 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
 
 /// A grain to be placed.
 #[derive(Clone)]
-struct Shape {
+struct Body {
     /// Radius of the sphere of its volume [m].
     radius: f64,
     /// Direction of a clump.
@@ -87,20 +90,20 @@ struct Shape {
 }
 
 /// Gives grains their shape.
-struct Shapes {
+struct Bodies {
     /// The row of spheres, where grains are clumps.
     row: Option<Row>,
     directions: Stream,
 }
 
-impl Shapes {
+impl Bodies {
     fn new(setup: &Setup, seed: u64) -> Self {
         let aspect = setup.grains.aspect;
         Self { row: (aspect != 1.0).then(|| Row::new(aspect)), directions: Stream::new(seed, "directions") }
     }
 
-    fn draw(&mut self, radius: f64) -> Shape {
-        let Some(row) = &self.row else { return Shape { radius, axis: None, spheres: vec![[0.0, 0.0, 0.0, radius]] } };
+    fn draw(&mut self, radius: f64) -> Body {
+        let Some(row) = &self.row else { return Body { radius, axis: None, spheres: vec![[0.0, 0.0, 0.0, radius]] } };
         let direction = [(); 3].map(|()| self.directions.normal());
         let axis = scale(direction, 1.0 / length(direction));
         let size = row.sphere_radius(radius);
@@ -108,7 +111,7 @@ impl Shapes {
             let [x, y, z] = scale(axis, centre * size);
             [x, y, z, size]
         };
-        Shape { radius, axis: Some(axis), spheres: row.centres.iter().map(sphere).collect() }
+        Body { radius, axis: Some(axis), spheres: row.centres.iter().map(sphere).collect() }
     }
 }
 
@@ -163,11 +166,13 @@ fn lognormal(variation: f64, seed: u64, purpose: &str) -> impl FnMut() -> f64 {
 struct Inserter<'a> {
     setup: &'a Setup,
     surfaces: Vec<Surface>,
+    /// For every surface the closed mesh that it is a facet of, as the number of its first surface.
+    solids: Vec<Option<usize>>,
     /// Surfaces that a grain in the column may touch, with the heights between which it may.
     near_columns: Vec<Vec<(usize, [f64; 2])>>,
     places: Stream,
     /// Grains with their centres [m].
-    placed: Vec<(Shape, Vec3)>,
+    placed: Vec<(Body, Vec3)>,
     origin: [f64; 2],
     width: f64,
     shape: [usize; 2],
@@ -183,6 +188,7 @@ impl<'a> Inserter<'a> {
         let mut inserter = Self {
             setup,
             surfaces,
+            solids: solids(&setup.walls),
             near_columns: vec![Vec::new(); shape[0] * shape[1]],
             places: Stream::new(seed, "positions"),
             placed: Vec::new(),
@@ -210,22 +216,22 @@ impl<'a> Inserter<'a> {
     }
 
     /// One attempt to place a grain; whether it was placed.
-    fn attempt(&mut self, height: f64, shape: &Shape) -> bool {
+    fn attempt(&mut self, height: f64, body: &Body) -> bool {
         let [x, y] = draw_place(&self.setup.fill.area, &mut self.places);
-        let lowest = shape.spheres.iter().fold(0.0_f64, |lowest, sphere| lowest.min(sphere[2]));
+        let lowest = body.spheres.iter().fold(0.0_f64, |lowest, sphere| lowest.min(sphere[2]));
         let centre = [x, y, height - lowest];
-        if !shape.spheres.iter().all(|sphere| self.fits(add(centre, [sphere[0], sphere[1], sphere[2]]), sphere[3])) {
+        if !body.spheres.iter().all(|sphere| self.fits(add(centre, [sphere[0], sphere[1], sphere[2]]), sphere[3])) {
             return false;
         }
         let passed = height - self.width;
-        for sphere in &shape.spheres {
+        for sphere in &body.spheres {
             let [x, y, z] = add(centre, [sphere[0], sphere[1], sphere[2]]);
             let column = self.column_of(x, y);
             let column = &mut self.columns[column[1] * self.shape[0] + column[0]];
             column.retain(|row| row[2] > passed);
             column.push([x, y, z, sphere[3]]);
         }
-        self.placed.push((shape.clone(), centre));
+        self.placed.push((body.clone(), centre));
         true
     }
 
@@ -236,6 +242,7 @@ impl<'a> Inserter<'a> {
             && self.is_free_across(place, radius)
             && self.clears_walls(column, place, radius)
             && self.is_inside(place)
+            && !self.is_in_solid(column, place)
     }
 
     fn column_of(&self, x: f64, y: f64) -> [usize; 2] {
@@ -275,8 +282,35 @@ impl<'a> Inserter<'a> {
     fn is_inside(&self, place: Vec3) -> bool {
         let [lower, upper] = bounds(&self.setup.fill.area);
         let middle = [0.5 * (lower[0] + upper[0]), 0.5 * (lower[1] + upper[1]), place[2]];
-        self.surfaces.iter().all(|surface| !surface.separates(middle, place))
+        let mut bare = self.surfaces.iter().zip(&self.solids).filter(|(_, solid)| solid.is_none());
+        bare.all(|(surface, _)| !surface.separates(middle, place))
     }
+
+    /// Whether the place lies in a closed mesh: the way straight up leaves it an odd number of times.
+    fn is_in_solid(&self, [cx, cy]: [usize; 2], place: Vec3) -> bool {
+        let mut left: Vec<usize> = Vec::new();
+        for (k, [_, high]) in &self.near_columns[cy * self.shape[0] + cx] {
+            let above = [place[0], place[1], high.max(place[2]) + self.width];
+            left.extend(self.solids[*k].filter(|_| self.surfaces[*k].separates(place, above)));
+        }
+        left.sort_unstable();
+        left.chunk_by(|a, b| a == b).any(|same| same.len() % 2 == 1)
+    }
+}
+
+/// For every wall the closed mesh that it belongs to, as the number of the mesh's first wall.
+fn solids(walls: &[Wall]) -> Vec<Option<usize>> {
+    let corners = |wall: &Wall| match &wall.shape {
+        Shape::Triangle { corners } => Some(*corners),
+        _ => None,
+    };
+    let mut solids = Vec::new();
+    for mesh in walls.chunk_by(|a, b| a.name == b.name) {
+        let facets: Option<Vec<Facet>> = mesh.iter().map(corners).collect();
+        let solid = facets.filter(|facets| is_closed(facets)).map(|_| solids.len());
+        solids.resize(solids.len() + mesh.len(), solid);
+    }
+    solids
 }
 
 #[cfg(test)]

@@ -48,7 +48,7 @@ pub use setup::{
     StopRule, Trace, Vec3, Wall, WallSpecies,
 };
 pub use sizes::SizeDistribution;
-pub use stl::{StlError, mesh};
+pub use stl::{Facet, StlError, facets, mesh};
 pub use world::World;
 
 /// Version of the simulated physics; raised with every change that alters the bits of a result. Part of every run's key.

@@ -1,7 +1,7 @@
 //! Triangle meshes from STL files, binary or ASCII, as walls for equipment of any shape.
 //!
-//! Takes the bytes of a file and a factor that turns its numbers into metres; gives one wall piece per triangle, all under
-//! one name. The facets' own normals are ignored: triangles are touched from both sides. Vertices that are equal in the file
+//! Takes the bytes of a file and a factor that turns its numbers into metres; gives facets, and of facets one wall piece
+//! each, all under one name. The facets' own normals are ignored: triangles are touched from both sides. Vertices that are equal in the file
 //! are equal here, so neighbours share their edges exactly. Facets without area cover nothing and are left out.
 
 use super::setup::{Shape, Vec3, Wall, WallSpecies};
@@ -11,6 +11,9 @@ use super::vector::{cross, length, scale, sub};
 const HEAD: usize = 84;
 /// Bytes of a facet: normal and three vertices in single precision, and two bytes that mean nothing.
 const FACET: usize = 50;
+
+/// Corners of a triangle [m].
+pub type Facet = [Vec3; 3];
 
 /// Why a file gives no mesh.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -47,27 +50,47 @@ pub enum StlError {
     Empty,
 }
 
-/// The triangles of a file as wall pieces of one name, with every coordinate times `factor` [m].
+/// The triangles of a file that have an area, with every coordinate times `factor` [m].
 ///
 /// # Errors
 /// [`StlError`] for bytes that are no STL file.
-pub fn mesh(name: &str, bytes: &[u8], factor: f64, species: WallSpecies) -> Result<Vec<Wall>, StlError> {
+pub fn facets(bytes: &[u8], factor: f64) -> Result<Vec<Facet>, StlError> {
     let points = vertices(bytes)?;
-    let (facets, rest) = points.as_chunks::<3>();
+    let (triples, rest) = points.as_chunks::<3>();
     if !rest.is_empty() {
-        return Err(StlError::Facet { facet: facets.len() + 1 });
+        return Err(StlError::Facet { facet: triples.len() + 1 });
     }
-    let mut walls = Vec::new();
-    for (k, facet) in facets.iter().enumerate() {
-        let corners = facet.map(|point| scale(point, factor));
+    let mut facets = Vec::new();
+    for (k, triple) in triples.iter().enumerate() {
+        let corners = triple.map(|point| scale(point, factor));
         if !corners.iter().flatten().all(|x| x.is_finite()) {
             return Err(StlError::Facet { facet: k + 1 });
         }
         if length(cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]))) > 0.0 {
-            walls.push(Wall { name: name.to_owned(), shape: Shape::Triangle { corners }, species });
+            facets.push(corners);
         }
     }
-    if walls.is_empty() { Err(StlError::Empty) } else { Ok(walls) }
+    if facets.is_empty() { Err(StlError::Empty) } else { Ok(facets) }
+}
+
+/// Facets as wall pieces of one name.
+pub fn mesh(name: &str, facets: &[Facet], species: WallSpecies) -> impl Iterator<Item = Wall> {
+    facets.iter().map(move |corners| Wall {
+        name: name.to_owned(),
+        shape: Shape::Triangle { corners: *corners },
+        species,
+    })
+}
+
+/// Whether facets enclose a space: every edge belongs to an even number of them. Vertices are one where they are equal in
+/// every bit.
+pub(super) fn is_closed(facets: &[Facet]) -> bool {
+    // Negative zero is zero.
+    let bits = |point: Vec3| point.map(|x| (x + 0.0).to_bits());
+    let edge = |a: Vec3, b: Vec3| (bits(a).min(bits(b)), bits(a).max(bits(b)));
+    let mut edges: Vec<_> = facets.iter().flat_map(|[a, b, c]| [edge(*a, *b), edge(*b, *c), edge(*c, *a)]).collect();
+    edges.sort_unstable();
+    edges.chunk_by(|a, b| a == b).all(|same| same.len() % 2 == 0)
 }
 
 /// The vertices in order, three to a facet. A binary file is known by its length, since its text too may start with `solid`.
@@ -113,8 +136,6 @@ fn ascii(text: &str) -> Result<Vec<Vec3>, StlError> {
 mod tests {
     use super::*;
 
-    const SPECIES: WallSpecies = WallSpecies { sliding_friction: 0.5, rolling_friction: 1.0 };
-
     /// A tetrahedron in millimetres.
     const FACETS: [[[f32; 3]; 3]; 4] = [
         [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]],
@@ -145,32 +166,37 @@ mod tests {
 
     #[test]
     fn both_forms_of_a_file_give_the_same_walls() {
-        let walls = mesh("part", &binary_file(&FACETS), 1e-3, SPECIES).unwrap();
-        assert_eq!(walls, mesh("part", ascii_file(&FACETS).as_bytes(), 1e-3, SPECIES).unwrap());
-        assert_eq!(walls.len(), 4);
+        let read = facets(&binary_file(&FACETS), 1e-3).unwrap();
+        assert_eq!(read, facets(ascii_file(&FACETS).as_bytes(), 1e-3).unwrap());
         let corners = [[0.0, 0.0, 0.0], [0.0, 0.0, 10.5e-3], [10.0e-3, 0.0, 0.0]];
-        assert_eq!(walls[1].shape, Shape::Triangle { corners });
+        assert_eq!((read.len(), read[1]), (4, corners));
+        let species = WallSpecies { sliding_friction: 0.5, rolling_friction: 1.0 };
+        let walls: Vec<Wall> = mesh("part", &read, species).collect();
+        assert_eq!((walls.len(), &walls[1].shape), (4, &Shape::Triangle { corners }));
         assert!(walls.iter().all(|wall| wall.name == "part"));
+    }
+
+    #[test]
+    fn a_mesh_without_a_hole_is_closed() {
+        let read = facets(&binary_file(&FACETS), 1e-3).unwrap();
+        assert!(is_closed(&read) && !is_closed(&read[1..]) && !is_closed(&read[..1]));
     }
 
     #[test]
     fn facets_without_area_are_left_out_and_what_is_no_mesh_is_refused() {
         let sliver = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [5.0, 0.0, 0.0]];
         let with = [FACETS[0], sliver, FACETS[1]];
-        assert_eq!(mesh("part", &binary_file(&with), 1.0, SPECIES).unwrap().len(), 2);
-        assert_eq!(mesh("part", &binary_file(&[sliver]), 1.0, SPECIES), Err(StlError::Empty));
+        assert_eq!(facets(&binary_file(&with), 1.0).unwrap().len(), 2);
+        assert_eq!(facets(&binary_file(&[sliver]), 1.0), Err(StlError::Empty));
         let mut cut = binary_file(&FACETS);
         cut.truncate(200);
-        assert!(matches!(
-            mesh("part", &cut, 1.0, SPECIES),
-            Err(StlError::NotStl { facets: 4, expected: 284, found: 200 })
-        ));
-        assert!(matches!(mesh("part", b"", 1.0, SPECIES), Err(StlError::NotStl { found: 0, .. })));
+        assert!(matches!(facets(&cut, 1.0), Err(StlError::NotStl { facets: 4, expected: 284, found: 200 })));
+        assert!(matches!(facets(b"", 1.0), Err(StlError::NotStl { found: 0, .. })));
         let word = ascii_file(&FACETS).replacen("vertex 0e0 0 10.5", "vertex 0e0 0 nan", 1);
-        assert!(matches!(mesh("part", word.as_bytes(), 1.0, SPECIES), Err(StlError::Vertex { line: 12, .. })));
+        assert!(matches!(facets(word.as_bytes(), 1.0), Err(StlError::Vertex { line: 12, .. })));
         let nan = [[[0.0, 0.0, 0.0], [f32::NAN, 0.0, 0.0], [0.0, 1.0, 0.0]]];
-        assert_eq!(mesh("part", &binary_file(&nan), 1.0, SPECIES), Err(StlError::Facet { facet: 1 }));
+        assert_eq!(facets(&binary_file(&nan), 1.0), Err(StlError::Facet { facet: 1 }));
         let odd = ascii_file(&FACETS).replacen("   vertex 0e0 0 0\r\n", "", 1);
-        assert_eq!(mesh("part", odd.as_bytes(), 1.0, SPECIES), Err(StlError::Facet { facet: 4 }));
+        assert_eq!(facets(odd.as_bytes(), 1.0), Err(StlError::Facet { facet: 4 }));
     }
 }

@@ -4,9 +4,9 @@ use super::SetupError;
 use super::profile::DEGREES;
 use crate::dem::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Shape,
-    SizeDistribution, Vec3, Wall, WallSpecies,
+    SizeDistribution, Vec3, Wall, WallSpecies, mesh,
 };
-use crate::settings::{SIEVES, Settings, spec};
+use crate::settings::{Equipment, SIEVES, Settings, spec};
 
 /// Density of air at 20 °C [kg/m³].
 const AIR_DENSITY: f64 = 1.2;
@@ -108,6 +108,11 @@ pub fn gravity(settings: &Settings) -> Vec3 {
 pub fn species(settings: &Settings, name: &str, scale: f64) -> WallSpecies {
     let sliding_friction = settings[name] * scale;
     WallSpecies { sliding_friction, rolling_friction: settings["wall_rolling_ratio"] * sliding_friction }
+}
+
+/// Walls of a mesh of the user.
+pub fn equipment(settings: &Settings, piece: &Equipment) -> impl Iterator<Item = Wall> {
+    mesh(&piece.name, &piece.facets, species(settings, piece.friction, 1.0))
 }
 
 /// Front plate at y = 0 and back plate at y = `depth`, of acrylic.

@@ -38,7 +38,7 @@ impl Experiment for BulkDensity {
         OBSERVABLES
     }
 
-    fn setup(&self, settings: &Settings) -> Result<Setup, SetupError> {
+    fn apparatus(&self, settings: &Settings) -> Result<Setup, SetupError> {
         build::ordered("bulk_density", settings, &[("bulk_density.deletion_time", "bulk_density.time_cap")])?;
         let grains = build::grains(settings, scale(settings));
         let (radius, height) = (settings["bulk_density.radius"], settings["bulk_density.fill_height"]);

@@ -42,7 +42,7 @@ impl Experiment for Hopper {
         OBSERVABLES
     }
 
-    fn setup(&self, settings: &Settings) -> Result<Setup, SetupError> {
+    fn apparatus(&self, settings: &Settings) -> Result<Setup, SetupError> {
         build::ordered("hopper", settings, ORDER)?;
         let grains = build::grains(settings, scale(settings));
         let (half, depth) = (0.5 * settings["hopper.width"], settings["hopper.depth"]);

@@ -50,7 +50,7 @@ impl Experiment for Ledge {
         OBSERVABLES
     }
 
-    fn setup(&self, settings: &Settings) -> Result<Setup, SetupError> {
+    fn apparatus(&self, settings: &Settings) -> Result<Setup, SetupError> {
         build::ordered("ledge", settings, ORDER)?;
         let grains = build::grains(settings, scale(settings));
         let (length, depth) = (settings["ledge.length"], settings["ledge.depth"]);

@@ -45,11 +45,20 @@ pub trait Experiment: Sync {
     fn name(&self) -> &'static str;
     /// What is read off, the KPI first.
     fn observables(&self) -> &'static [Observable];
-    /// Geometry and programme.
+    /// Geometry and programme, without equipment.
     ///
     /// # Errors
     /// Dimensions or times that contradict each other.
-    fn setup(&self, settings: &Settings) -> Result<Setup, SetupError>;
+    fn apparatus(&self, settings: &Settings) -> Result<Setup, SetupError>;
+    /// Geometry and programme, with the equipment that the settings put in the apparatus: what is simulated.
+    ///
+    /// # Errors
+    /// Dimensions or times that contradict each other.
+    fn setup(&self, settings: &Settings) -> Result<Setup, SetupError> {
+        let mut setup = self.apparatus(settings)?;
+        setup.walls.extend(settings.equipment(self.name()).flat_map(|piece| build::equipment(settings, piece)));
+        Ok(setup)
+    }
     /// One entry per observable, in their order, from the final grains and the trace of a run with these settings.
     fn measure(&self, settings: &Settings, state: &State, trace: &[TracePoint]) -> Vec<Measurement>;
     /// Observables that the force on a load cell over time shows by itself.

@@ -50,7 +50,7 @@ impl Experiment for Pile {
         OBSERVABLES
     }
 
-    fn setup(&self, settings: &Settings) -> Result<Setup, SetupError> {
+    fn apparatus(&self, settings: &Settings) -> Result<Setup, SetupError> {
         build::ordered("pile", settings, ORDER)?;
         let grains = build::grains(settings, scale(settings));
         let (half, depth, drop) =

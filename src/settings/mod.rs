@@ -2,20 +2,24 @@
 //!
 //! Takes `name = value` pairs over the defaults, which are the paper's full-scale study; gives checked numbers to the
 //! experiments and, per experiment and scope, the sorted list that enters a key. Effects are changes of these values.
-//! A coarse set-up is nothing but other values. Deliberately knows no experiment's geometry and no file format.
+//! A coarse set-up is nothing but other values. Meshes of the user's own equipment go with them. Deliberately knows no
+//! experiment's geometry and no file format.
 
 mod apparatus;
+mod equipment;
 mod instrument;
 mod material;
 mod spec;
 
 pub use apparatus::APPARATUS;
+pub use equipment::{Equipment, MATERIALS};
 pub use instrument::INSTRUMENT;
 pub use material::{MATERIAL, SIEVES};
 pub use spec::{Kind, Scope, SettingSpec};
 
 use std::collections::BTreeMap;
 use std::ops::Index;
+use std::sync::Arc;
 
 /// The wall frictions of Table 1; rolling friction of a wall is `wall_rolling_ratio` times its value, so it follows.
 pub const WALL_FRICTIONS: &[&str] =
@@ -59,16 +63,18 @@ pub fn spec(name: &str) -> Result<&'static SettingSpec, SettingsError> {
         .ok_or_else(|| SettingsError::Unknown { name: name.to_owned(), nearest: nearest_name(name) })
 }
 
-/// Values of all settings; numbers in SI (angles in degrees), choices as the index of their word.
+/// Values of all settings; numbers in SI (angles in degrees), choices as the index of their word. And equipment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     values: BTreeMap<&'static str, f64>,
+    equipment: Arc<[Equipment]>,
 }
 
 impl Default for Settings {
     /// The paper's full-scale study.
     fn default() -> Self {
-        Self { values: specs().map(|spec| (spec.name, spec.default_value())).collect() }
+        let values = specs().map(|spec| (spec.name, spec.default_value())).collect();
+        Self { values, equipment: Arc::default() }
     }
 }
 
@@ -134,11 +140,26 @@ impl Settings {
     /// of its KPIs (measure). Silent ones are among them only where they differ from their default.
     pub fn for_experiment(&self, experiment: &str, scope: Scope) -> Vec<(&'static str, f64)> {
         let mut list: Vec<_> = specs()
-            .filter(|spec| spec.scope == scope && spec.is_used_by(experiment) && spec.is_told(self.value(spec)))
+            .filter(|spec| spec.scope == scope && self.is_read(spec, experiment) && spec.is_told(self.value(spec)))
             .map(|spec| (spec.name, self.value(spec)))
             .collect();
         list.sort_unstable_by_key(|(name, _)| *name);
         list
+    }
+
+    /// Whether `experiment` reads a setting, by itself or for the material of its equipment.
+    pub fn is_read(&self, spec: &SettingSpec, experiment: &str) -> bool {
+        spec.is_used_by(experiment) || self.equipment(experiment).any(|piece| piece.friction == spec.name)
+    }
+
+    /// Puts `equipment` in place of all there was.
+    pub fn equip(&mut self, equipment: Vec<Equipment>) {
+        self.equipment = equipment.into();
+    }
+
+    /// The equipment in the apparatus of `experiment`.
+    pub fn equipment(&self, experiment: &str) -> impl Iterator<Item = &Equipment> {
+        self.equipment.iter().filter(move |piece| piece.experiment == experiment)
     }
 
     /// Whether the choice `name` has `word`.

@@ -4,8 +4,9 @@ use super::context::text;
 use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs};
 use crate::config::{Config, DensityBounds, Resolution};
 use crate::dem;
+use crate::experiments::EXPERIMENTS;
 use crate::report::{self, Assumption, Departure, Method, Report};
-use crate::settings::{self, SettingSpec, Settings};
+use crate::settings::{self, Equipment, SettingSpec, Settings};
 use crate::tables::list::{
     AggregateRow, AttributionRow, BOUNDS_KPIS, BOUNDS_RUNS, BeforeAfterRow, BoundRow, CalibrationRow, ConfusionRow,
     DIAGNOSE_KPIS, DIAGNOSE_RUNS, DesignQualityRow, FeasibilityRow, HyperparameterRow, KpiRow, MeasuredAnalysisRow,
@@ -85,6 +86,7 @@ fn settings_text(config: &Config) -> SettingsText {
         "measured",
         "diagnose.kind",
     ]));
+    settings.extend(config.equipment_text(EXPERIMENTS));
     settings
 }
 
@@ -181,7 +183,7 @@ fn assumptions(settings: &Settings) -> Vec<Assumption> {
     settings::specs().filter(|spec| spec.assumption).map(assumption).collect()
 }
 
-/// Settings whose value is not that of the full-scale study.
+/// Settings whose value is not that of the full-scale study, and equipment that the paper does not have.
 fn departures(settings: &Settings) -> Vec<Departure> {
     let full = Settings::default();
     let departs = |spec: &&SettingSpec| settings.get(spec.name) != full.get(spec.name);
@@ -190,7 +192,13 @@ fn departures(settings: &Settings) -> Vec<Departure> {
         value: value(settings, spec),
         paper: value(&full, spec),
     };
-    settings::specs().filter(departs).map(departure).collect()
+    let equipment = EXPERIMENTS.iter().flat_map(|experiment| settings.equipment(experiment.name()));
+    let own = |piece: &Equipment| Departure {
+        name: format!("equipment.{}.{}", piece.experiment, piece.name),
+        value: piece.text(),
+        paper: "none".to_owned(),
+    };
+    settings::specs().filter(departs).map(departure).chain(equipment.map(own)).collect()
 }
 
 fn value(settings: &Settings, spec: &SettingSpec) -> String {

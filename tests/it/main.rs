@@ -8,6 +8,7 @@ mod config;
 mod controls;
 mod diff;
 mod effects;
+mod equipment;
 mod experiments;
 mod failures;
 mod faults;

@@ -1,7 +1,7 @@
 //! What effects change in the engine: drag, gravity of a moved vessel, a gate that is pulled, fines.
 
 use super::*;
-use granulake::dem::{Simulation, Stop};
+use granulake::dem::Simulation;
 
 /// A falling grain comes to v_t = √(m g/(c π R²)), and with v = v_t tanh(g t/v_t) on its way.
 #[test]
