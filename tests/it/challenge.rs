@@ -117,12 +117,12 @@ fn an_effect_on_the_bulk_density_alone_is_absorbed_unless_the_grains_were_weighe
     let study = Study::quick();
     for (from, to) in [
         ("refine_repetitions = 3", "refine_repetitions = 24"),
-        ("anchors = 1\n", "anchors = 8\n"),
-        ("anchor_repetitions = 2", "anchor_repetitions = 6"),
-        ("refine_points = 4", "refine_points = 8"),
+        ("anchors = 1\n", "anchors = 24\n"),
+        ("anchor_repetitions = 2", "anchor_repetitions = 8"),
+        ("refine_points = 4", "refine_points = 16"),
         ("[\"size_distribution\"]", "[\"density_bias\"]"),
-        ("interior = 2", "interior = 6"),
-        ("\nrepetitions = 2\nresolution", "\nrepetitions = 4\nresolution"),
+        ("interior = 2", "interior = 16"),
+        ("\nrepetitions = 2\nresolution", "\nrepetitions = 8\nresolution"),
         ("[experiments]", "[parameters.particle_density]\nlower = 2000\nupper = 3500\n\n[experiments]"),
     ] {
         study.edit("pipeline.toml", from, to);

@@ -5,7 +5,9 @@ use super::controls::Offset;
 use super::joint::Contender;
 use super::moments::{Moment, Statistic};
 use super::verdict::Case;
-use crate::stats::attribution::{Attribution, Candidate, EffectReport, Separation, Signature, Status, Verdict};
+use crate::stats::attribution::{
+    Attribution, Candidate, DetectionLimit, EffectReport, Separation, Signature, Status, Verdict,
+};
 use crate::tables::list::{AttributionRow, ConfusionRow, ResidualRow, SignatureRow, VerdictRow};
 
 /// Size aη at which an effect is usually detected.
@@ -137,7 +139,7 @@ fn residuals(case: &Case, attribution: &Attribution) -> Vec<ResidualRow> {
 }
 
 fn attribution_row(case: &Case, attribution: &Attribution, effect: &EffectReport) -> AttributionRow {
-    let side = effect.detection.iter().find(|limit| limit.side * effect.strength >= 0.0);
+    let side = side_of(effect);
     AttributionRow {
         measured: case.set.name.clone(),
         effect: effect.name.clone(),
@@ -158,9 +160,15 @@ fn attribution_row(case: &Case, attribution: &Attribution, effect: &EffectReport
     }
 }
 
-/// An effect that these data could not show at any physical strength is not testable with them, whatever the fit says.
+/// The detection limit on the side of zero where the effect fits best.
+fn side_of(effect: &EffectReport) -> Option<&DetectionLimit> {
+    effect.detection.iter().find(|limit| limit.side * effect.strength >= 0.0)
+}
+
+/// An effect that these data could not show at any physical strength of the sign that fits best is not testable with them,
+/// whatever the fit says.
 fn part(attribution: &Attribution, effect: &EffectReport) -> &'static str {
-    let hidden = attribution.below_detection().contains(&effect.name.as_str());
+    let hidden = side_of(effect).is_some_and(|limit| limit.strength.is_none());
     let named = attribution.verdict.names().contains(&effect.name.as_str());
     match (&effect.status, &attribution.verdict) {
         (_, Verdict::Effect(_)) if named => "named",
