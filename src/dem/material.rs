@@ -35,7 +35,7 @@ pub fn collision_time(mass: f64, stiffness: f64) -> f64 {
 /// Time step of a setup [s]: its fraction of the collision time of two of the smallest possible grains.
 ///
 /// The smallest *possible* grain, not the smallest drawn, so that the step follows from the settings alone. A clump that is hit
-/// beside its centre gives way like a lighter grain, see [`Row::lightness`].
+/// beside its centre gives way like a lighter grain, see `clumps.rs`.
 pub fn time_step(setup: &Setup) -> f64 {
     let mass = sphere_mass(setup.grains.density, setup.grains.smallest());
     let lightness = if setup.grains.aspect == 1.0 { 1.0 } else { Row::new(setup.grains.aspect).lightness() };
