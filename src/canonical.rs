@@ -14,7 +14,7 @@ pub enum CanonicalError {
     #[error("a number to be hashed is NaN; give a finite value")]
     NotANumber,
     /// A text is not a digest.
-    #[error("`{0}` is not a digest of 64 hexadecimal digits")]
+    #[error("`{0}` is not a digest of 64 lower-case hexadecimal digits")]
     NotADigest(String),
 }
 
@@ -120,10 +120,10 @@ impl fmt::Debug for Digest {
 impl FromStr for Digest {
     type Err = CanonicalError;
 
+    /// Takes lower-case digits only: a digest has one text, and a damaged one is not taken for it.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        blake3::Hash::from_hex(text)
-            .map(|hash| Self(*hash.as_bytes()))
-            .map_err(|_| CanonicalError::NotADigest(text.to_owned()))
+        let hash = blake3::Hash::from_hex(text).ok().filter(|hash| hash.to_hex().as_str() == text);
+        hash.map(|hash| Self(*hash.as_bytes())).ok_or_else(|| CanonicalError::NotADigest(text.to_owned()))
     }
 }
 
@@ -176,5 +176,6 @@ mod tests {
         let digest = Digest::of_content(b"sand");
         assert_eq!(digest.to_string().parse(), Ok(digest));
         assert!("sand".parse::<Digest>().is_err());
+        assert!(digest.to_string().to_uppercase().parse::<Digest>().is_err(), "one digest, one text");
     }
 }
