@@ -38,6 +38,9 @@ const TRUTHS: &[(Option<(&str, f64)>, bool)] = &[
 const SEEDS: [u64; 2] = [9001, 9002];
 /// Repetitions of the reference data, at whose optimum the direct runs are made.
 const REFERENCE: u32 = 50;
+/// Repetitions of direct runs for each of a measured set. The sets of a truth share these runs, so that an error of theirs is
+/// no noise between sets: it must be small beside theirs.
+const REFINE: u32 = 5;
 /// Draws behind the detection limit of a cell.
 const LIMIT_DRAWS: usize = 300;
 /// Scatter of a weighing of the grains [kg/m³], and their number.
@@ -139,7 +142,8 @@ impl Hidden<'_> {
             note: String::new(),
             controls: Vec::new(),
         };
-        let config = study.config.with_only(source, None);
+        let mut config = study.config.with_only(source, None);
+        config.diagnose.refine_repetitions = REFINE * plan.counts.iter().max().copied().unwrap_or(1);
         let sets = [reference];
         let context = Context::new(&config, &sets, campaign, study.store().root());
         let mut panel = match Panel::new(&context, &sets[0])? {
@@ -152,8 +156,10 @@ impl Hidden<'_> {
                 panel = panel.of_kpis().ok_or("the reference lacks a KPI")?;
             }
             for cell in missing.iter().filter(|cell| cell.evidence == evidence) {
-                let drawn = self.draw(&pool, density, cell, plan);
+                let (drawn, start) = (self.draw(&pool, density, cell, plan), std::time::Instant::now());
                 let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
+                let seconds = start.elapsed().as_secs_f64();
+                eprintln!("  {} sets of n = {}, {evidence}: {seconds:.0} s", plan.sets, cell.count);
                 book.add(self.key(cell, plan), &tally)?;
             }
         }

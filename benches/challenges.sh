@@ -5,15 +5,15 @@
 #   benches/challenges.sh [--quick] [FOLDER]
 #
 # Runs, tables and results stay in FOLDER (target/challenges when left out): killed and started again, it continues.
-# --quick: one place in the parameter space, pools of 60 runs, 60 sets a cell, n = 20, four challenges.
+# --quick: one place in the parameter space, pools of 200 runs, 60 sets a cell, n = 20, four challenges.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
-pool=200 sets=1000 counts=10,20,50 thetas=2 blind=60
+pool=600 sets=1000 counts=10,20,50 thetas=2 blind=60
 candidates='["cohesion", "wall_friction_scatter", "size_distribution", "fill_level", "tilt"]'
 if [ "${1:-}" = --quick ]; then
   shift
-  pool=60 sets=60 counts=20 thetas=1 blind=4
+  pool=200 sets=60 counts=20 thetas=1 blind=4
   candidates='["cohesion", "wall_friction_scatter", "size_distribution"]'
 fi
 folder=${1:-target/challenges}

@@ -4,9 +4,10 @@ use super::context::text;
 use super::models::{Models, kind};
 use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs, targets};
 use crate::config::{Approach, Config, Parameter};
+use crate::rng::Stream;
+use crate::stats::ensemble::{Length, Marginal, Sample, everywhere, sample};
 use crate::stats::metamodel::{Kind, Metamodel, Prediction};
 use crate::stats::objective::identifiability::identify;
-use crate::stats::objective::posterior::{Marginal, Sample, Sampling, sample};
 use crate::stats::objective::{
     Calibration, CalibrationObjective, Mode, ObjectiveError, Prior, Problem, Target, calibrate,
 };
@@ -43,11 +44,15 @@ pub const STAGE: Stage = Stage {
 /// Starts whose descent is followed to its end, besides the optimum for fewer repetitions.
 const REFINED: usize = 6;
 /// Length of the walk behind the credible intervals.
-const SAMPLING: Sampling = Sampling { seed: 0, walkers: 24, burn_in: 150, sweeps: 350 };
+const LENGTH: Length = Length { burn_in: 150, sweeps: 350 };
+/// Walkers of it, if that is enough: an ensemble needs at least two more than twice as many as parameters.
+const WALKERS: usize = 24;
 
-/// The walk over `parameters` parameters: an ensemble needs at least two walkers more than twice as many.
-fn sampling(seed: u64, parameters: usize) -> Sampling {
-    Sampling { seed, walkers: SAMPLING.walkers.max(2 * (parameters + 1)), ..SAMPLING }
+/// The walk from all over the unit cube.
+fn walk(problem: &Problem, seed: u64) -> Sample {
+    let (p, mut stream) = (problem.dimension(), Stream::new(seed, "posterior walkers"));
+    let start = everywhere(p, WALKERS.max(2 * (p + 1)), &mut stream);
+    sample(start, |x| problem.log_posterior(x), LENGTH, stream)
 }
 
 /// Draws that are stored, taken evenly from the walk.
@@ -196,7 +201,7 @@ impl Work<'_> {
         Ok(Solution {
             flat: self.flat_directions(&problem, &calibration.x),
             posterior: last.then(|| {
-                let sample = sample(&problem, &sampling(self.seed, problem.dimension()));
+                let sample = walk(&problem, self.seed);
                 Posterior { marginals: sample.marginals(), sample }
             }),
             calibration,

@@ -6,6 +6,7 @@
 
 pub mod attribution;
 pub mod design;
+pub mod ensemble;
 pub mod gp;
 mod kernels;
 pub mod linalg;

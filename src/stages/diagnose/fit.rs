@@ -12,7 +12,7 @@ use crate::config::{Config, Measured};
 use crate::stages::models::{self, Models, kind};
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, GlsOptions, Parameter, Prior, gls_fit};
-use crate::stats::metamodel::{Metamodel, Observations, Prediction};
+use crate::stats::metamodel::{Metamodel, Observations, Prediction, Response};
 use crate::stats::points::Points;
 use crate::stats::special::trigamma;
 use crate::stats::summary::{ln_sd, mean, sd};
@@ -181,18 +181,36 @@ impl Surface {
 
     /// f(x) and its slopes for all statistics, shapes (m) and (m × dimension).
     pub fn predict(&self, x: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
-        let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
-        let rows: Vec<(f64, Vec<f64>)> = self
-            .rows
-            .iter()
-            .zip(&self.trends)
-            .map(|((model, moment), trend)| match moment {
-                Moment::Trend => self.trend_row(trend, x.as_slice()),
-                _ => row(&predictions[*model], *moment, x.len()),
-            })
-            .collect();
+        let responses: Vec<Response> = self.models.iter().map(|model| model.response(x.as_slice())).collect();
+        let rows = self.rows_of(&responses, x);
         let values = DVector::from_iterator(rows.len(), rows.iter().map(|(value, _)| *value));
         (values, DMatrix::from_fn(rows.len(), x.len(), |i, j| rows[i].1[j]))
+    }
+
+    fn predictions(&self, x: &DVector<f64>) -> Vec<Prediction> {
+        self.models.iter().map(|model| model.predict(x.as_slice())).collect()
+    }
+
+    /// Value and slopes of every statistic.
+    fn rows_of(&self, responses: &[Response], x: &DVector<f64>) -> Vec<(f64, Vec<f64>)> {
+        let one = |((model, moment), trend): (&(usize, Moment), &Trend)| match moment {
+            Moment::Trend => self.trend_row(trend, x.as_slice()),
+            _ => row(&responses[*model], *moment, x.len()),
+        };
+        self.rows.iter().zip(&self.trends).map(one).collect()
+    }
+
+    /// Standard deviation of the metamodels' own error in every statistic.
+    fn errors_of(&self, predictions: &[Prediction], x: &DVector<f64>) -> Vec<f64> {
+        let one = |((model, moment), trend): (&(usize, Moment), &Trend)| match moment {
+            Moment::Mean => predictions[*model].epistemic_sd,
+            Moment::LnSd => {
+                let (error, lack) = (predictions[*model].log_sd_error, self.lack[*model]);
+                (error * error + lack * lack).sqrt()
+            }
+            Moment::Trend => self.strength(x.as_slice()).abs() * trend.sd(),
+        };
+        self.rows.iter().zip(&self.trends).map(one).collect()
     }
 
     fn trend_row(&self, trend: &Trend, x: &[f64]) -> (f64, Vec<f64>) {
@@ -206,16 +224,7 @@ impl Surface {
     /// Covariance of the metamodels' own error at `x`, which observables share as far as the repetitions of a run do
     /// (`correlation`, m × m).
     pub fn uncertainty(&self, x: &DVector<f64>, correlation: &DMatrix<f64>) -> DMatrix<f64> {
-        let predictions: Vec<Prediction> = self.models.iter().map(|model| model.predict(x.as_slice())).collect();
-        let error = |((model, moment), trend): (&(usize, Moment), &Trend)| match moment {
-            Moment::Mean => predictions[*model].epistemic_sd,
-            Moment::LnSd => {
-                let (error, lack) = (predictions[*model].log_sd_error, self.lack[*model]);
-                (error * error + lack * lack).sqrt()
-            }
-            Moment::Trend => self.strength(x.as_slice()).abs() * trend.sd(),
-        };
-        scaled(correlation, &self.rows.iter().zip(&self.trends).map(error).collect::<Vec<_>>())
+        scaled(correlation, &self.errors_of(&self.predictions(x), x))
     }
 
     /// Slopes at `x` with the covariance of their error, shared among observables in the same way.
@@ -286,13 +295,13 @@ fn with_place(observations: Observations, place: f64) -> Observations {
     Observations { points, ..observations }
 }
 
-fn row(prediction: &Prediction, moment: Moment, dimension: usize) -> (f64, Vec<f64>) {
-    match (moment, &prediction.sd) {
+fn row(response: &Response, moment: Moment, dimension: usize) -> (f64, Vec<f64>) {
+    match (moment, &response.sd) {
         (Moment::LnSd, Some(sd)) if sd.value > 0.0 => {
             (libm::log(sd.value), sd.gradient.iter().map(|slope| slope / sd.value).collect())
         }
         (Moment::LnSd | Moment::Trend, _) => (0.0, vec![0.0; dimension]),
-        (Moment::Mean, _) => (prediction.mean.value, prediction.mean.gradient.clone()),
+        (Moment::Mean, _) => (response.mean.value, response.mean.gradient.clone()),
     }
 }
 
@@ -324,6 +333,31 @@ pub struct Weights<'a> {
 }
 
 impl Weights<'_> {
+    /// ln of the likelihood of `values` at `x` with the priors of the parameters, up to a constant:
+    /// −½(rᵀΣ⁻¹r + ln det Σ) − ½ Σ priors, Σ with the metamodels' error at `x` itself. −∞ outside the unit cube.
+    pub fn ln_posterior(
+        &self,
+        surface: &Surface,
+        values: &DVector<f64>,
+        parameters: &[Parameter],
+        x: &DVector<f64>,
+    ) -> f64 {
+        if !x.iter().all(|place| (0.0..=1.0).contains(place)) {
+            return f64::NEG_INFINITY;
+        }
+        let predictions = surface.predictions(x);
+        let covariance = self.noise + scaled(self.correlation, &surface.errors_of(&predictions, x));
+        let Some(factor) = covariance.cholesky() else { return f64::NEG_INFINITY };
+        let responses: Vec<Response> = predictions.into_iter().map(Response::from).collect();
+        let rows = surface.rows_of(&responses, x);
+        let residual = DVector::from_fn(values.len(), |i, _| values[i] - rows[i].0);
+        let misfit = residual.dot(&factor.solve(&residual)) + 2.0 * factor.l().diagonal().map(libm::log).sum();
+        let off = |(parameter, place): (&Parameter, &f64)| {
+            parameter.prior.map_or(0.0, |prior| (place - prior.mean) * (place - prior.mean) / (prior.sd * prior.sd))
+        };
+        -0.5 * (misfit + parameters.iter().zip(x.iter()).map(off).sum::<f64>())
+    }
+
     /// Covariance of what is measured less what is predicted at `x`.
     pub fn at(&self, surface: &Surface, x: &DVector<f64>) -> DMatrix<f64> {
         self.noise + surface.uncertainty(x, self.correlation)

@@ -20,10 +20,12 @@ use super::verdict::Case;
 use crate::campaign::CampaignError;
 use crate::effects::{self, Handle};
 use crate::experiments::Experiment;
+use crate::rng::Stream;
 use crate::settings::{Scope, Settings};
 use crate::stages::StageError;
 use crate::stages::models::Models;
 use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
+use crate::stats::ensemble::{Length, around, sample};
 use nalgebra::{DMatrix, DVector};
 
 /// Share of its range below which a strength is as good as zero, and says nothing per unit.
@@ -32,6 +34,14 @@ const NOTHING: f64 = 0.01;
 const SHARES: [f64; 5] = [0.125, 0.25, 0.5, 0.75, 1.0];
 /// The least share used of metamodels alone, whose error per unit of strength grows towards zero.
 const LEAST_UNTIED: f64 = 0.25;
+/// The least share at which direct runs give a signature: below, the change is mostly the scatter of these runs.
+const LEAST_TIED: f64 = 0.125;
+
+/// Length of the walk that samples the strength, and its walkers, if that is enough.
+const LENGTH: Length = Length { burn_in: 150, sweeps: 350 };
+const WALKERS: usize = 24;
+/// The least standard deviation from which a walker starts, for parameters that a bound holds.
+const LEAST_START: f64 = 0.02;
 
 /// Why a candidate that was left out of the library cannot be named.
 const LEFT_OUT: &str = "it was left out of the library";
@@ -125,25 +135,48 @@ impl Contender {
         if self.absent {
             return Ok(());
         }
-        let name = self.name().to_owned();
-        let parameters = |start: &[f64]| self.parameters(case, start);
-        let look = Look {
-            context: case.context,
-            evidence: &case.evidence,
-            label: format!("{}/around {name}", case.set.name),
-            effect: Some((self.effect.name(), self.effect.range())),
-            weights: Weights { noise: &case.noise.covariance, correlation: &case.shape.correlation },
-            parameters: &parameters,
-            starts: self.starts(case),
-        };
-        let seen = look.settle(lab, global.clone(), found.fit)?;
-        let Seen { surface, fit, .. } = seen;
-        let found = self.joint(case, fit);
+        let (surface, found) = self.around(case, lab, global.clone(), found)?;
         self.absent = !self.has_strength(&found);
         if self.absent {
             self.surface = Ok(surface);
             return Ok(());
         }
+        self.stand(case, lab, surface, found)
+    }
+
+    /// The same where the strength comes out as zero, for other data sets of the same truth.
+    pub fn tie_anyway(&mut self, case: &Case, lab: &mut Lab) -> Result<(), StageError> {
+        let (Ok(global), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(()) };
+        let (surface, found) = self.around(case, lab, global.clone(), found)?;
+        self.absent = false;
+        self.stand(case, lab, surface, found)
+    }
+
+    /// Runs around the joint optimum; gives the metamodels that know them and their optimum.
+    fn around(
+        &self,
+        case: &Case,
+        lab: &mut Lab,
+        global: Surface,
+        found: JointFit,
+    ) -> Result<(Surface, JointFit), StageError> {
+        let parameters = |start: &[f64]| self.parameters(case, start);
+        let look = Look {
+            context: case.context,
+            evidence: &case.evidence,
+            label: format!("{}/around {}", case.set.name, self.name()),
+            effect: Some((self.effect.name(), self.effect.range())),
+            weights: Weights { noise: &case.noise.covariance, correlation: &case.shape.correlation },
+            parameters: &parameters,
+            starts: self.starts(case),
+        };
+        let Seen { surface, fit, .. } = look.settle(lab, global, found.fit)?;
+        Ok((surface, self.joint(case, fit)))
+    }
+
+    /// Runs at an optimum of `surface`, which ties it there.
+    fn stand(&mut self, case: &Case, lab: &mut Lab, surface: Surface, found: JointFit) -> Result<(), StageError> {
+        let name = self.name().to_owned();
         let label = format!("{}/with {name}", case.set.name);
         let batch = direct::batch(case.context, lab, label, &found.u, &[(name, found.strength)])?;
         let Some(noise) = case.evidence.noise(&batch, &case.shape) else { return Ok(()) };
@@ -162,6 +195,25 @@ impl Contender {
     pub fn fit(&self, case: &Case) -> Result<Option<JointFit>, StageError> {
         let Ok(surface) = &self.surface else { return Ok(None) };
         Ok(Some(self.joint(case, self.optimum(case, surface)?.0)))
+    }
+
+    /// Mean and standard deviation of the strength given the data, over all parameters that fit; `None` without direct
+    /// runs. The optimum alone would be judged by the metamodels' error there, where direct runs make it small.
+    pub fn strength(&self, case: &Case) -> Result<Option<(f64, f64)>, StageError> {
+        let (Some(tie), Ok(surface), Some(JointFit { fit, .. })) = (&self.tie, &self.surface, self.fit(case)?) else {
+            return Ok(None);
+        };
+        let weights = Weights { noise: &tie.noise, correlation: &case.shape.correlation };
+        let parameters = self.parameters(case, fit.parameters.as_slice());
+        let ln_density = |x: &[f64]| {
+            weights.ln_posterior(surface, &case.evidence.values, &parameters, &DVector::from_column_slice(x))
+        };
+        let sd: Vec<f64> = fit.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt().max(LEAST_START)).collect();
+        let mut stream = Stream::new(case.context.seed(&format!("strength {}", self.name())), "posterior walkers");
+        let start = around(fit.parameters.as_slice(), &sd, WALKERS.max(2 * (sd.len() + 1)), &mut stream);
+        let (lower, upper) = self.effect.range();
+        let marginals = sample(start, ln_density, LENGTH, stream).marginals();
+        Ok(marginals.last().map(|marginal| (strength_at((lower, upper), marginal.mean), marginal.sd * (upper - lower))))
     }
 
     fn joint(&self, case: &Case, fit: GlsFit) -> JointFit {
@@ -188,6 +240,12 @@ impl Contender {
         let nodes = self.nodes(&[0.1, 0.4, 0.8]);
         let free = nodes.into_iter().flat_map(|node| [from(case.optimum.as_slice(), node), from(&centre, node)]);
         self.tie.iter().map(|tie| tie.x.as_slice().to_vec()).chain(free).collect()
+    }
+
+    /// A strength as a share of the end of the range on its side.
+    fn share(&self, strength: f64) -> f64 {
+        let (lower, upper) = self.effect.range();
+        strength / if strength < 0.0 { lower } else { upper }
     }
 
     /// Strengths at given shares of both ends of the range, ascending.
@@ -267,7 +325,7 @@ impl Contender {
             candidate.testable = Err("an observable could not be measured in the runs with it".to_owned());
             return Ok(candidate);
         }
-        let tied = self.is_tied() && !candidate.absent;
+        let tied = self.is_tied() && self.share(found.strength) >= LEAST_TIED;
         let path = Path { contender: self, case, surface, tied };
         candidate.signatures = path.signatures(&found)?;
         candidate.covariance = path.error(&found);
@@ -280,7 +338,7 @@ struct Path<'a> {
     contender: &'a Contender,
     case: &'a Case<'a>,
     surface: &'a Surface,
-    /// Whether direct runs stand behind the fitted strength.
+    /// Whether direct runs stand behind the fitted strength and tell it from zero.
     tied: bool,
 }
 
@@ -300,8 +358,11 @@ impl Path<'_> {
     fn signature(&self, strength: f64, found: &JointFit) -> Result<Signature, StageError> {
         let is_fitted = strength == found.strength;
         let u = if is_fitted { found.u.clone() } else { self.parameters_at(strength, found)? };
-        let change =
-            self.surface.predict(&self.at(&u, strength)).0 - DVector::from_column_slice(&self.case.model.values);
+        let without = match is_fitted && self.tied {
+            true => DVector::from_column_slice(&self.case.model.values),
+            false => self.surface.predict(&self.at(&self.case.optimum, 0.0)).0,
+        };
+        let change = self.surface.predict(&self.at(&u, strength)).0 - without;
         let shift = (&u - &self.case.optimum) / strength;
         let per_unit = change / strength - &self.case.slopes.jacobian * &shift;
         Ok(Signature { strength, per_unit, shift })

@@ -44,9 +44,9 @@ impl<'a> Panel<'a> {
             Err(why) => return Ok(Err(why)),
         };
         let mut examined = examine(&models, &anchors, &mut lab, prepared)?;
-        // Another data set may lead to any candidate, so all of them stand on runs, as far as they have a strength.
-        for contender in examined.contenders.iter_mut().filter(|contender| !contender.was_run()) {
-            contender.tie(&examined.case, &mut lab)?;
+        // Another data set may lead to any candidate, so all of them stand on runs.
+        for contender in examined.contenders.iter_mut().filter(|contender| !contender.is_tied()) {
+            contender.tie_anyway(&examined.case, &mut lab)?;
         }
         let all = (0..examined.case.evidence.statistics.len()).collect();
         Ok(Self::of(examined, all).ok_or_else(|| "an observable could not be measured at the optimum".to_owned()))

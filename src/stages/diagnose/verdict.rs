@@ -121,17 +121,15 @@ pub fn examine<'a>(
     }
 }
 
-/// States the strength of an effect as the fit of the model with it has it, where direct runs stand behind that fit: the
-/// attribution's own is that of a path around the optimum without the effect.
+/// States the strength of an effect as the model with it has it given the data, where direct runs stand behind that model:
+/// the attribution's own is that of a path around the optimum without the effect.
 fn state_strength(case: &Case, contender: &Contender, attribution: &mut Attribution) -> Result<(), StageError> {
-    let found = contender.fit(case)?.filter(|_| contender.is_tied());
-    if let Some(found) = found {
-        for effect in attribution.effects.iter_mut().filter(|effect| effect.name == contender.name()) {
-            (effect.strength, effect.strength_sd) = (found.strength, found.strength_sd);
-        }
-        for member in attribution.verdict.alone_mut().into_iter().filter(|member| member.name == contender.name()) {
-            (member.strength, member.sd) = (found.strength, found.strength_sd);
-        }
+    let Some((strength, sd)) = contender.strength(case)? else { return Ok(()) };
+    for effect in attribution.effects.iter_mut().filter(|effect| effect.name == contender.name()) {
+        (effect.strength, effect.strength_sd) = (strength, sd);
+    }
+    for member in attribution.verdict.alone_mut().into_iter().filter(|member| member.name == contender.name()) {
+        (member.strength, member.sd) = (strength, sd);
     }
     Ok(())
 }

@@ -8,6 +8,7 @@
 
 pub mod likelihood;
 
+use super::kernels::exp_in_place;
 use super::linalg::{LinalgError, SpdFactor, dot};
 use super::points::Points;
 
@@ -126,14 +127,30 @@ impl GaussianProcess {
     /// σ_f² k(x, x_j) for every training point.
     fn covariances(&self, x: &[f64]) -> Vec<f64> {
         let exponent = |point: &[f64]| -> f64 {
-            (0..x.len()).map(|d| self.a[d] * (x[d] - point[d]) * (x[d] - point[d])).sum::<f64>()
+            -0.5 * (0..x.len()).map(|d| self.a[d] * (x[d] - point[d]) * (x[d] - point[d])).sum::<f64>()
         };
-        self.training.points.rows().map(|point| self.hyper.variance * libm::exp(-0.5 * exponent(point))).collect()
+        let mut covariances: Vec<f64> = self.training.points.rows().map(exponent).collect();
+        exp_in_place(&mut covariances);
+        covariances.iter_mut().for_each(|value| *value *= self.hyper.variance);
+        covariances
+    }
+
+    /// Σ_j weights_j ∂k(x, x_j)/∂x_d with ∂k_j/∂x_d = −a_d (x_d − x_jd) k_j.
+    fn slope(&self, x: &[f64], k: &[f64], weights: &[f64], d: usize) -> f64 {
+        let term = |j: usize| weights[j] * k[j] * (x[d] - self.training.points.row(j)[d]);
+        -self.a[d] * (0..k.len()).map(term).sum::<f64>()
     }
 
     /// E f(x) alone, eq. 8: a tenth of the work of [`GaussianProcess::predict`].
     pub fn mean(&self, x: &[f64]) -> f64 {
         self.fit.beta + dot(&self.covariances(x), &self.fit.alpha)
+    }
+
+    /// E f(x) and its gradient, eq. 8: also a small part of the work of [`GaussianProcess::predict`].
+    pub fn mean_with_gradient(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        let k = self.covariances(x);
+        let gradient = (0..x.len()).map(|d| self.slope(x, &k, &self.fit.alpha, d)).collect();
+        (self.fit.beta + dot(&k, &self.fit.alpha), gradient)
     }
 
     /// Mean and variance of the latent f at `x`, with their gradients.
@@ -142,11 +159,8 @@ impl GaussianProcess {
         let half = self.fit.factor.half_solve(&k);
         let solved = self.fit.factor.transposed_half_solve(&half);
         let (gap, information) = self.trend_gap(&k);
-        // ∂k_j/∂x_d = −a_d (x_d − x_jd) k_j, contracted with α, K⁻¹k and K⁻¹1.
-        let slope = |weights: &[f64], d: usize| -> f64 {
-            let term = |j: usize| weights[j] * k[j] * (x[d] - self.training.points.row(j)[d]);
-            -self.a[d] * (0..k.len()).map(term).sum::<f64>()
-        };
+        // Contracted with α, K⁻¹k and K⁻¹1.
+        let slope = |weights: &[f64], d: usize| self.slope(x, &k, weights, d);
         let variance_slope = |d: usize| {
             let trend = if information > 0.0 { gap * slope(&self.fit.weights, d) / information } else { 0.0 };
             -2.0 * (slope(&solved, d) + trend)

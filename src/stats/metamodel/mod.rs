@@ -230,6 +230,21 @@ pub struct Prediction {
     pub log_sd_error: f64,
 }
 
+/// What a metamodel says of a KPI at one point, without how sure it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Response {
+    /// Mean of the KPI.
+    pub mean: Differentiable,
+    /// Standard deviation of the KPI between repetitions, as in [`Prediction`].
+    pub sd: Option<Differentiable>,
+}
+
+impl From<Prediction> for Response {
+    fn from(prediction: Prediction) -> Self {
+        Self { mean: prediction.mean, sd: prediction.sd }
+    }
+}
+
 /// A trained metamodel of one KPI.
 #[derive(Debug, Clone)]
 pub enum Metamodel {
@@ -315,6 +330,18 @@ impl Metamodel {
             Self::Ibm(model) => model.predict(x),
             Self::Rbm(model) => model.predict(x),
             Self::Sk(model) => model.predict(x),
+        }
+    }
+
+    /// The same mean and sd as [`Metamodel::predict`] gives, bit for bit; for kind `sk` with a twentieth of the work.
+    ///
+    /// # Panics
+    /// If `x` has another dimension than the training points.
+    pub fn response(&self, x: &[f64]) -> Response {
+        assert_eq!(x.len(), self.dimension(), "a point of another dimension");
+        match self {
+            Self::Sk(model) => model.response(x),
+            Self::Ibm(_) | Self::Rbm(_) => self.predict(x).into(),
         }
     }
 

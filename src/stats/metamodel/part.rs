@@ -154,6 +154,16 @@ impl Part {
         self.record.offset + self.record.scale * self.process.mean(x)
     }
 
+    /// Mean at `x` with its gradient, in the unit of the observed quantity.
+    pub(super) fn mean_with_gradient(&self, x: &[f64]) -> Differentiable {
+        let (mean, gradient) = self.process.mean_with_gradient(x);
+        let PartRecord { offset, scale, .. } = self.record;
+        Differentiable {
+            value: offset + scale * mean,
+            gradient: gradient.into_iter().map(|slope| scale * slope).collect(),
+        }
+    }
+
     /// Mean and latent variance at `x` with gradients, in the unit of the observed quantity and its square.
     pub(super) fn predict(&self, x: &[f64]) -> (Differentiable, Differentiable) {
         let (latent, scale) = (self.process.predict(x), self.record.scale);

@@ -7,7 +7,9 @@
 //! The sd of the KPI is √V̂(x), apart from the uncertainty of the mean. Nothing is divided by the mean.
 
 use super::part::{Frame, square_root};
-use super::{Differentiable, Kind, MetamodelError, Options, Part, PartRecord, Prediction, Role, Usable, mean_of};
+use super::{
+    Differentiable, Kind, MetamodelError, Options, Part, PartRecord, Prediction, Response, Role, Usable, mean_of,
+};
 use crate::stats::gp::TrainingSet;
 use crate::stats::special::{digamma, trigamma};
 
@@ -78,15 +80,25 @@ impl Sk {
         self.scatter.as_ref().map_or_else(|| vec![0.0; x.len()], half)
     }
 
+    pub(super) fn response(&self, x: &[f64]) -> Response {
+        let scatter = self.scatter.as_ref();
+        let sd = scatter.map_or_else(|| no_scatter(x), |scatter| sd(&scatter.mean_with_gradient(x)));
+        Response { mean: self.mean.mean_with_gradient(x), sd: Some(sd) }
+    }
+
     pub(super) fn predict(&self, x: &[f64]) -> Prediction {
         let (mean, variance) = self.mean.predict(x);
-        let none = || (Differentiable { value: 0.0, gradient: vec![0.0; x.len()] }, 0.0);
+        let none = || (no_scatter(x), 0.0);
         let (sd, log_sd_error) = self.scatter.as_ref().map_or_else(none, |scatter| {
             let (log_variance, error) = scatter.predict(x);
             (sd(&log_variance), 0.5 * error.value.sqrt())
         });
         Prediction { mean, sd: Some(sd), epistemic_sd: square_root(&variance).value, log_sd_error }
     }
+}
+
+fn no_scatter(x: &[f64]) -> Differentiable {
+    Differentiable { value: 0.0, gradient: vec![0.0; x.len()] }
 }
 
 /// sd = exp(½ ln V).

@@ -32,6 +32,18 @@ fn fit(kind: Kind, data: &Observations) -> Metamodel {
 }
 
 #[test]
+fn a_response_is_the_prediction_without_its_uncertainty() {
+    let data = observe(40, 10, 0.0, 1);
+    let constant = Observations { sds: vec![0.0; 40], ..data.clone() };
+    let models = Kind::ALL.iter().map(|&kind| fit(kind, &data));
+    for model in models.chain([fit(Kind::Sk, &constant)]) {
+        for x in [[0.4, 0.3, 0.7], [0.0, 1.0, 0.2]] {
+            assert_eq!(model.response(&x), model.predict(&x).into(), "{:?}", model.kind());
+        }
+    }
+}
+
+#[test]
 fn gradients_are_those_of_the_values() {
     let data = observe(40, 10, 0.0, 1);
     let sd_reading = Reading { scatter: Scatter::Sd, ..Reading::default() };

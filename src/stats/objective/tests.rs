@@ -1,7 +1,7 @@
 use super::identifiability::identify;
-use super::posterior::{Sampling, sample};
 use super::*;
 use crate::rng::Stream;
+use crate::stats::ensemble::{Length, Sample, everywhere, sample};
 use crate::stats::metamodel::{Kind, Observations, Options};
 use crate::stats::points::Points;
 
@@ -61,6 +61,12 @@ fn gradient_of_the_objective_is_that_of_its_value() {
     }
 }
 
+fn draws(problem: &Problem) -> Sample {
+    let mut stream = Stream::new(0, "posterior walkers");
+    let start = everywhere(problem.dimension(), 32, &mut stream);
+    sample(start, |x| problem.log_posterior(x), Length { burn_in: 300, sweeps: 1000 }, stream)
+}
+
 #[test]
 fn calibration_finds_planted_parameters_within_their_posterior() {
     let models = models(4.0);
@@ -69,7 +75,7 @@ fn calibration_finds_planted_parameters_within_their_posterior() {
     let found = calibrate(&objective, &starts);
     assert!(found.value < 1e-12 && found.agreeing == 20, "{found:?}");
     let problem = problem(&models, 4.0, Mode::MeanVariance, vec![]);
-    let sampled = sample(&problem, &Sampling::default());
+    let sampled = draws(&problem);
     assert!((0.2..0.9).contains(&sampled.acceptance) && sampled.autocorrelation_time < 100.0, "{sampled:?}");
     let known = identify(&problem, &found.x);
     assert!(known.directions.iter().all(|direction| !direction.flat));
@@ -80,7 +86,7 @@ fn calibration_finds_planted_parameters_within_their_posterior() {
         let linear = known.covariance[d][d].sqrt();
         assert!((marginal.sd / linear - 1.0).abs() < 0.15, "parameter {d}: {} {linear}", marginal.sd);
     }
-    assert_eq!(sampled, sample(&problem, &Sampling::default()));
+    assert_eq!(sampled, draws(&problem));
 }
 
 #[test]
@@ -94,7 +100,7 @@ fn a_direction_that_nothing_depends_on_is_named_and_a_prior_fixes_it() {
     assert!((prior.mean - 0.4).abs() < 1e-12 && (prior.sd - 0.1).abs() < 1e-12);
     let fixed = problem(&models, 0.0, Mode::Mean, vec![prior]);
     assert!(identify(&fixed, &[0.5, 0.5]).directions.iter().all(|direction| !direction.flat));
-    let sampled = sample(&fixed, &Sampling::default());
+    let sampled = draws(&fixed);
     let marginal = sampled.marginals()[0];
     assert!((marginal.mean - 0.4).abs() < 0.03 && (marginal.sd - 0.1).abs() < 0.02, "{marginal:?}");
     assert!(sampled.correlations()[0][1] < -0.8, "{:?}", sampled.correlations());

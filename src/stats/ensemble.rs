@@ -1,0 +1,226 @@
+//! Draws from a density over the unit cube of which only the logarithm is known, up to a constant: the affine-invariant
+//! ensemble of Goodman & Weare (2010), which no scaling or correlation of the coordinates slows down.
+//!
+//! Takes ln p as a function, −∞ outside the cube, and where the walkers start; gives the positions of all walkers, marginals, correlations, and how far
+//! the draws are independent. In sequence and thus reproducible. Suited to a handful of coordinates.
+
+use super::optimise::Bounds;
+use super::points::Points;
+use crate::rng::Stream;
+use rayon::prelude::*;
+
+/// Stretch of a proposal, a of Goodman & Weare.
+const STRETCH: f64 = 2.0;
+
+/// Length of a walk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Length {
+    /// Sweeps that are dropped.
+    pub burn_in: usize,
+    /// Sweeps that are kept.
+    pub sweeps: usize,
+}
+
+/// A sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Positions of all walkers, sweep after sweep, shape (sweeps · walkers, n_parameters).
+    pub points: Points,
+    /// ln p of each position, up to a constant.
+    pub ln_density: Vec<f64>,
+    /// Share of proposals accepted; 0.2 to 0.7 is usual.
+    pub acceptance: f64,
+    /// Sweeps after which a walker has forgotten where it was, the largest over the parameters. The sample is worth
+    /// sweeps · walkers over this many independent draws; keep sweeps above fifty times of it.
+    pub autocorrelation_time: f64,
+}
+
+/// Samples a density from where the walkers stand, at least 2(p + 1) of them in p coordinates and an even number. They
+/// must not lie in one plane. A walker in a far mode of little weight can stay there for good: start near the mode
+/// that is known, or all over the cube where none is.
+///
+/// # Panics
+/// If the number of walkers is odd or below 2(p + 1).
+pub fn sample(
+    start: Vec<Vec<f64>>,
+    ln_density: impl Fn(&[f64]) -> f64 + Sync,
+    length: Length,
+    stream: Stream,
+) -> Sample {
+    let (walkers, p) = (start.len(), start.first().map_or(0, Vec::len));
+    assert!(walkers.is_multiple_of(2) && walkers / 2 > p, "an even number of walkers, at least 2(p + 1)");
+    let values = start.iter().map(|position| ln_density(position)).collect();
+    let mut walk = Walk { positions: start, values, stream };
+    let mut points = Points::empty(p);
+    let mut ln_densities = Vec::with_capacity(length.sweeps * walkers);
+    let mut accepted = 0;
+    for sweep in 0..length.burn_in + length.sweeps {
+        let moved = walk.sweep(&ln_density, walkers / 2);
+        if sweep >= length.burn_in {
+            accepted += moved;
+            walk.positions.iter().for_each(|position| points.push(position));
+            ln_densities.extend_from_slice(&walk.values);
+        }
+    }
+    let acceptance = accepted as f64 / ln_densities.len() as f64;
+    let time = (0..p).map(|d| autocorrelation_time(&points, walkers, d)).fold(1.0, f64::max);
+    Sample { points, ln_density: ln_densities, acceptance, autocorrelation_time: time }
+}
+
+/// Walkers all over the unit cube.
+pub fn everywhere(p: usize, walkers: usize, stream: &mut Stream) -> Vec<Vec<f64>> {
+    let bounds = Bounds::cube(p, 0.0, 1.0);
+    (0..walkers).map(|_| bounds.draw(stream)).collect()
+}
+
+/// Walkers around a point, normal with the given standard deviations and thrown back at the faces of the cube.
+pub fn around(centre: &[f64], sd: &[f64], walkers: usize, stream: &mut Stream) -> Vec<Vec<f64>> {
+    let mut one = |(x, sd): (&f64, &f64)| {
+        let place = (x + sd * stream.normal()).abs();
+        (1.0 - (1.0 - place).abs()).clamp(0.0, 1.0)
+    };
+    (0..walkers).map(|_| centre.iter().zip(sd).map(&mut one).collect()).collect()
+}
+
+struct Walk {
+    positions: Vec<Vec<f64>>,
+    values: Vec<f64>,
+    stream: Stream,
+}
+
+impl Walk {
+    /// Moves every walker once, each half against the other; gives the number of accepted moves. The moves of a half do not
+    /// depend on each other, so their densities are computed in parallel.
+    fn sweep(&mut self, ln_density: &(impl Fn(&[f64]) -> f64 + Sync), half: usize) -> usize {
+        let mut accepted = 0;
+        for first in [0, half] {
+            let moves: Vec<Move> = (first..first + half).map(|walker| self.propose(walker, half)).collect();
+            let values: Vec<f64> = moves.par_iter().map(|proposed| ln_density(&proposed.position)).collect();
+            for (walker, (proposed, value)) in (first..).zip(moves.into_iter().zip(values)) {
+                if proposed.threshold < proposed.gain + value - self.values[walker] {
+                    (self.positions[walker], self.values[walker]) = (proposed.position, value);
+                    accepted += 1;
+                }
+            }
+        }
+        accepted
+    }
+
+    /// A stretch along the line to a walker of the other half.
+    fn propose(&mut self, walker: usize, half: usize) -> Move {
+        let other = self.stream.index(half) + if walker < half { half } else { 0 };
+        let root = (STRETCH - 1.0) * self.stream.uniform() + 1.0;
+        let z = root * root / STRETCH;
+        let threshold = libm::log(1.0 - self.stream.uniform());
+        let (here, anchor) = (&self.positions[walker], &self.positions[other]);
+        let position: Vec<f64> = here.iter().zip(anchor).map(|(x, a)| a + z * (x - a)).collect();
+        let gain = (position.len() as f64 - 1.0) * libm::log(z);
+        Move { position, gain, threshold }
+    }
+}
+
+/// A proposed move: accepted where the threshold is below the gain and the growth of ln p together.
+struct Move {
+    position: Vec<f64>,
+    gain: f64,
+    threshold: f64,
+}
+
+/// Integrated autocorrelation time of parameter `d`, averaged over walkers, by Sokal's window of five times itself.
+fn autocorrelation_time(points: &Points, walkers: usize, d: usize) -> f64 {
+    let sweeps = points.len() / walkers;
+    let value = |sweep: usize, walker: usize| points.row(sweep * walkers + walker)[d];
+    let mean = points.rows().map(|row| row[d]).sum::<f64>() / points.len() as f64;
+    let covariance = |lag: usize| -> f64 {
+        let product = |s: usize, w: usize| (value(s, w) - mean) * (value(s + lag, w) - mean);
+        (0..sweeps - lag).map(|s| (0..walkers).map(|w| product(s, w)).sum::<f64>()).sum::<f64>() / (sweeps - lag) as f64
+    };
+    let variance = covariance(0);
+    let mut time = 1.0;
+    for lag in 1..sweeps {
+        if variance <= 0.0 || lag as f64 >= 5.0 * time {
+            break;
+        }
+        time += 2.0 * covariance(lag) / variance;
+    }
+    time
+}
+
+/// Marginal distribution of one parameter, in the unit cube.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Marginal {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// 2.5 % quantile.
+    pub lower: f64,
+    /// Median.
+    pub median: f64,
+    /// 97.5 % quantile.
+    pub upper: f64,
+}
+
+impl Sample {
+    /// Marginal of every parameter.
+    pub fn marginals(&self) -> Vec<Marginal> {
+        (0..self.points.dimension()).map(|d| self.marginal(d)).collect()
+    }
+
+    fn marginal(&self, d: usize) -> Marginal {
+        let mut values: Vec<f64> = self.points.rows().map(|row| row[d]).collect();
+        values.sort_by(f64::total_cmp);
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / n;
+        let quantile = |share: f64| values[((share * n) as usize).min(values.len() - 1)];
+        let (lower, median, upper) = (quantile(0.025), quantile(0.5), quantile(0.975));
+        Marginal { mean, sd: variance.sqrt(), lower, median, upper }
+    }
+
+    /// Correlation of every pair of parameters, shape (n_parameters, n_parameters).
+    pub fn correlations(&self) -> Vec<Vec<f64>> {
+        let marginals = self.marginals();
+        let n = self.points.len() as f64;
+        let pair = |i: usize, j: usize| {
+            let product = |row: &[f64]| (row[i] - marginals[i].mean) * (row[j] - marginals[j].mean);
+            self.points.rows().map(product).sum::<f64>() / (n * marginals[i].sd * marginals[j].sd)
+        };
+        let p = marginals.len();
+        (0..p).map(|i| (0..p).map(|j| if i == j { 1.0 } else { pair(i, j) }).collect()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A narrow normal ridge: sd 0.1 and 0.05, correlation 0.9.
+    fn ridge(x: &[f64]) -> f64 {
+        let (a, b) = ((x[0] - 0.4) / 0.1, (x[1] - 0.6) / 0.05);
+        -0.5 * (a * a - 1.8 * a * b + b * b) / (1.0 - 0.81)
+    }
+
+    #[test]
+    fn a_ridge_is_sampled_with_its_widths_and_its_correlation() {
+        let mut stream = Stream::new(1, "ridge");
+        let start = around(&[0.4, 0.6], &[0.1, 0.05], 24, &mut stream);
+        let found = sample(start, ridge, Length { burn_in: 200, sweeps: 2000 }, stream);
+        // Independent draws: sweeps · walkers over the autocorrelation time, some 3000; five standard errors.
+        assert!(found.autocorrelation_time < 40.0 && (0.2..0.9).contains(&found.acceptance), "{found:?}");
+        for (marginal, (mean, sd)) in found.marginals().iter().zip([(0.4, 0.1), (0.6, 0.05)]) {
+            assert!((marginal.mean - mean).abs() < 0.12 * sd && (marginal.sd / sd - 1.0).abs() < 0.1, "{marginal:?}");
+            assert!((marginal.upper - marginal.lower - 3.92 * sd).abs() < 0.5 * sd, "{marginal:?}");
+        }
+        assert!((found.correlations()[0][1] - 0.9).abs() < 0.03);
+    }
+
+    #[test]
+    fn walkers_start_inside_the_cube_and_not_in_one_plane() {
+        let mut stream = Stream::new(2, "start");
+        let walkers = around(&[0.0, 0.99, 0.5], &[0.02, 0.3, 5.0], 200, &mut stream);
+        assert!(walkers.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+        let near = walkers.iter().filter(|walker| walker[0] > 0.0 && walker[0] < 0.1).count();
+        assert!(near > 190, "{near} of 200 beside the face they start from");
+    }
+}
