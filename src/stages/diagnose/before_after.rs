@@ -13,7 +13,7 @@ use crate::stages::optima::finite;
 use crate::stats::special::{normal_quantile, student_t_quantile, trigamma};
 use crate::stats::summary::{Summary, ln_sd, summarise};
 use crate::tables::list::{BeforeAfterRow, RecalibrationRow};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// Both models with the runs of the fitted and of the held-out experiments.
 struct Runs {
@@ -26,13 +26,8 @@ pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &m
     let label = |model: &str| format!("{}/{model}", case.set.name);
     let held_out = direct::held_out(case.context, lab, label("before"), &case.optimum, &[])?;
     let mut runs = Runs { before: [case.before.clone(), held_out], after: None };
-    tables.recalibration.extend(parameter_rows(
-        case,
-        "before",
-        &case.optimum,
-        &case.optimum_covariance,
-        &case.at_bound,
-    ));
+    let sd = case.optimum_covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+    tables.recalibration.extend(parameter_rows(case, "before", &case.optimum, sd.as_slice(), &case.at_bound));
     let found = added.map(|contender| contender.fit(case)).transpose()?.flatten();
     if let (Some(contender), Some(found)) = (added, found) {
         let effect = [(contender.name().to_owned(), found.strength)];
@@ -40,8 +35,9 @@ pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &m
         let held_out = direct::held_out(case.context, lab, label("after"), &found.u, &effect)?;
         runs.after = Some([fitted_runs, held_out]);
         let at_bound: Vec<bool> = found.fit.at_bound.iter().map(Option::is_some).collect();
-        tables.recalibration.extend(parameter_rows(case, "after", &found.u, &found.fit.covariance, &at_bound));
-        tables.recalibration.push(strength_row(case, contender, &found));
+        let sd = contender.spread(&found);
+        tables.recalibration.extend(parameter_rows(case, "after", &found.u, &sd, &at_bound));
+        tables.recalibration.push(strength_row(case, contender, &found, &sd));
     }
     for summary in case.set.statistics() {
         tables.before_after.extend([Moment::Mean, Moment::LnSd].map(|moment| row(case, &summary, moment, &runs)));
@@ -49,15 +45,9 @@ pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &m
     Ok(())
 }
 
-fn parameter_rows(
-    case: &Case,
-    model: &str,
-    u: &DVector<f64>,
-    covariance: &DMatrix<f64>,
-    at_bound: &[bool],
-) -> Vec<RecalibrationRow> {
+fn parameter_rows(case: &Case, model: &str, u: &DVector<f64>, sd: &[f64], at_bound: &[bool]) -> Vec<RecalibrationRow> {
     let row = |(i, parameter): (usize, &crate::config::Parameter)| {
-        let half = 0.5 * covariance[(i, i)].max(0.0).sqrt();
+        let half = 0.5 * sd[i];
         // The width of the image of ± half a standard error is right for logarithmic scales too.
         let (low, high) = (parameter.from_unit(u[i] - half), parameter.from_unit(u[i] + half));
         RecalibrationRow {
@@ -73,13 +63,13 @@ fn parameter_rows(
     case.context.config.parameters.iter().enumerate().map(row).collect()
 }
 
-fn strength_row(case: &Case, contender: &Contender, found: &JointFit) -> RecalibrationRow {
+fn strength_row(case: &Case, contender: &Contender, found: &JointFit, sd: &[f64]) -> RecalibrationRow {
     RecalibrationRow {
         measured: case.set.name.clone(),
         model: "after".to_owned(),
         name: contender.name().to_owned(),
         value: found.strength,
-        standard_error: found.strength_sd,
+        standard_error: sd.last().map_or(0.0, |sd| contender.width() * sd),
         unit: contender.unit().to_owned(),
         at_bound: found.fit.at_bound.last().is_some_and(Option::is_some),
     }

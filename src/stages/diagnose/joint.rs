@@ -25,7 +25,7 @@ use crate::settings::{Scope, Settings};
 use crate::stages::StageError;
 use crate::stages::models::Models;
 use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
-use crate::stats::ensemble::{Length, around, sample};
+use crate::stats::ensemble::{Length, Marginal, around, sample};
 use nalgebra::{DMatrix, DVector};
 
 /// Share of its range below which a strength is as good as zero, and says nothing per unit.
@@ -59,6 +59,8 @@ pub struct Contender {
     was_run: bool,
     /// Whether the runs left it no strength.
     absent: bool,
+    /// Marginals of the parameters and the strength given the data, empty where they were not sampled.
+    posterior: Vec<Marginal>,
 }
 
 /// What direct runs around the joint optimum and at it tell.
@@ -78,8 +80,6 @@ pub struct JointFit {
     pub u: DVector<f64>,
     /// Strength in its unit.
     pub strength: f64,
-    /// Its standard error.
-    pub strength_sd: f64,
 }
 
 impl Contender {
@@ -91,7 +91,8 @@ impl Contender {
         let mut runs: Vec<Run> = case.runs.iter().map(without).collect();
         runs.push(without(&(case.optimum.clone(), case.before.clone())));
         let surface = trained.map(|surface| surface.knowing(&runs));
-        let mut contender = Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false };
+        let mut contender =
+            Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false, posterior: Vec::new() };
         contender.misfit = match &contender.surface {
             Ok(surface) => {
                 let (fit, covariance) = contender.optimum(case, surface)?;
@@ -187,8 +188,7 @@ impl Contender {
     }
 
     fn has_strength(&self, found: &JointFit) -> bool {
-        let (lower, upper) = self.effect.range();
-        found.strength.abs() >= NOTHING * (upper - lower)
+        found.strength.abs() >= NOTHING * self.width()
     }
 
     /// The joint optimum over the model as it stands; `None` without a model.
@@ -197,30 +197,48 @@ impl Contender {
         Ok(Some(self.joint(case, self.optimum(case, surface)?.0)))
     }
 
-    /// Mean and standard deviation of the strength given the data, over all parameters that fit; `None` without direct
-    /// runs. The optimum alone would be judged by the metamodels' error there, where direct runs make it small.
-    pub fn strength(&self, case: &Case) -> Result<Option<(f64, f64)>, StageError> {
+    /// Samples parameters and strength given the data. The optimum alone would be judged by the metamodels' error there,
+    /// where direct runs make it small. Nothing is sampled without such runs.
+    pub fn sample(&mut self, case: &Case) -> Result<(), StageError> {
         let (Some(tie), Ok(surface), Some(JointFit { fit, .. })) = (&self.tie, &self.surface, self.fit(case)?) else {
-            return Ok(None);
+            return Ok(());
         };
         let weights = Weights { noise: &tie.noise, correlation: &case.shape.correlation };
         let parameters = self.parameters(case, fit.parameters.as_slice());
         let ln_density = |x: &[f64]| {
             weights.ln_posterior(surface, &case.evidence.values, &parameters, &DVector::from_column_slice(x))
         };
-        let sd: Vec<f64> = fit.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt().max(LEAST_START)).collect();
+        let sd: Vec<f64> = sds(&fit).into_iter().map(|sd| sd.max(LEAST_START)).collect();
         let mut stream = Stream::new(case.context.seed(&format!("strength {}", self.name())), "posterior walkers");
         let start = around(fit.parameters.as_slice(), &sd, WALKERS.max(2 * (sd.len() + 1)), &mut stream);
+        self.posterior = sample(start, ln_density, LENGTH, stream).marginals();
+        Ok(())
+    }
+
+    /// Mean and standard deviation of the strength given the data, if it was sampled.
+    pub fn strength(&self) -> Option<(f64, f64)> {
+        let marginal = self.posterior.last()?;
+        Some((strength_at(self.effect.range(), marginal.mean), marginal.sd * self.width()))
+    }
+
+    /// Standard deviations of the parameters and the strength in the unit cube, as sampled, else those of the fit.
+    pub fn spread(&self, found: &JointFit) -> Vec<f64> {
+        match self.posterior.as_slice() {
+            [] => sds(&found.fit),
+            sampled => sampled.iter().map(|marginal| marginal.sd).collect(),
+        }
+    }
+
+    /// Width of the range of the strength.
+    pub fn width(&self) -> f64 {
         let (lower, upper) = self.effect.range();
-        let marginals = sample(start, ln_density, LENGTH, stream).marginals();
-        Ok(marginals.last().map(|marginal| (strength_at((lower, upper), marginal.mean), marginal.sd * (upper - lower))))
+        upper - lower
     }
 
     fn joint(&self, case: &Case, fit: GlsFit) -> JointFit {
         let (p, range) = (case.optimum.len(), self.effect.range());
         let (u, strength) = (fit.parameters.rows(0, p).into_owned(), strength_at(range, fit.parameters[p]));
-        let strength_sd = fit.covariance[(p, p)].max(0.0).sqrt() * (range.1 - range.0);
-        JointFit { fit, u, strength, strength_sd }
+        JointFit { fit, u, strength }
     }
 
     /// The optimum of the metamodels, and the covariance behind it.
@@ -294,7 +312,8 @@ impl Contender {
     pub fn restricted(&self, kept: &[usize]) -> Self {
         let tie = |tie: &Tie| Tie { x: tie.x.clone(), noise: tie.noise.select_rows(kept).select_columns(kept) };
         let surface = self.surface.as_ref().map(|surface| surface.restricted(kept)).map_err(String::clone);
-        Self { surface, tie: self.tie.as_ref().map(tie), was_run: self.is_tied(), ..self.clone() }
+        let tie = self.tie.as_ref().map(tie);
+        Self { surface, tie, was_run: self.is_tied(), posterior: Vec::new(), ..self.clone() }
     }
 
     /// What the attribution judges.
@@ -331,6 +350,11 @@ impl Contender {
         candidate.covariance = path.error(&found);
         Ok(candidate)
     }
+}
+
+/// Standard deviations of a fit.
+fn sds(fit: &GlsFit) -> Vec<f64> {
+    fit.covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
 }
 
 /// The way of the parameters as the strength grows.

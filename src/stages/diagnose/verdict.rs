@@ -114,7 +114,10 @@ pub fn examine<'a>(
                     let proposals = proposals::all(&case, models, anchors, &candidates, &attribution.verdict.names());
                     attribution = attributed(&case, candidates.clone(), proposals, options(&case))?;
                 }
-                contenders.iter().try_for_each(|contender| state_strength(&case, contender, &mut attribution))?;
+                for contender in &mut contenders {
+                    contender.sample(&case)?;
+                    state_strength(contender, &mut attribution);
+                }
                 return Ok(Examined { case, surface, contenders, candidates, attribution });
             }
         }
@@ -123,15 +126,14 @@ pub fn examine<'a>(
 
 /// States the strength of an effect as the model with it has it given the data, where direct runs stand behind that model:
 /// the attribution's own is that of a path around the optimum without the effect.
-fn state_strength(case: &Case, contender: &Contender, attribution: &mut Attribution) -> Result<(), StageError> {
-    let Some((strength, sd)) = contender.strength(case)? else { return Ok(()) };
+fn state_strength(contender: &Contender, attribution: &mut Attribution) {
+    let Some((strength, sd)) = contender.strength() else { return };
     for effect in attribution.effects.iter_mut().filter(|effect| effect.name == contender.name()) {
         (effect.strength, effect.strength_sd) = (strength, sd);
     }
     for member in attribution.verdict.alone_mut().into_iter().filter(|member| member.name == contender.name()) {
         (member.strength, member.sd) = (strength, sd);
     }
-    Ok(())
 }
 
 /// Evidence, optimum and runs of a data set less the model's own `offset`.
