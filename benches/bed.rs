@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! bed cloud N SEED DIRECTORY             cloud of N grains as ours, and as data files of LIGGGHTS and LAMMPS
-//! bed settle FILE SECONDS STEPS OUT      settle a cloud, then time STEPS steps; the bed goes to OUT
+//! bed settle FILE SECONDS STEPS OUT      settle a cloud, then time STEPS steps at every width of vectors; the bed goes to OUT
 //! bed convert FILE DIRECTORY             a bed as data files of LIGGGHTS and LAMMPS
 //! bed measure FILE                       density, coordination number and heights of `id x y z r` lines
 //! ```
@@ -13,7 +13,8 @@
 //! Time is that of the processor spent on this thread (Linux), so a busy machine disturbs it little.
 
 use granulake::dem::{
-    ContactLaw, Damping, Fill, FillArea, Grain, Grains, Region, Setup, Shape, StopRule, Wall, WallSpecies, World,
+    ContactLaw, Damping, Fill, FillArea, Grain, Grains, Region, Setup, Shape, StopRule, Vectors, Wall, WallSpecies,
+    World,
 };
 use granulake::rng::Stream;
 use std::fmt::Write as _;
@@ -27,6 +28,10 @@ const CYLINDER: f64 = 0.082;
 const CLOUD: f64 = 0.25;
 const DENSITY: f64 = 2750.0;
 const FRICTION: WallSpecies = WallSpecies { sliding_friction: 0.5, rolling_friction: 0.5 };
+
+/// Widths of vectors, by the names that `benches/peers.sh` gives them; the widest of the machine is the default of all runs.
+const WIDTHS: [(&str, Vectors); 3] =
+    [("ours_scalar", Vectors::Scalar), ("ours_avx2", Vectors::Avx2), ("ours", Vectors::Widest)];
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
@@ -177,10 +182,14 @@ fn settle(spheres: &[Sphere], duration: f64, steps: u64, out: &str) {
             report += 0.1;
         }
     }
-    let rate = rate(&mut world, steps);
+    let mut rates = Vec::new();
+    for (name, vectors) in WIDTHS {
+        world = world.with_vectors(vectors);
+        rates.push((name, rate(&mut world, steps)));
+    }
     println!("listed {:.3}", world.listed_pairs() as f64 / world.len() as f64);
     println!("coordination {:.4}", world.coordination_number());
-    println!("rate {rate:.4e}");
+    rates.iter().for_each(|(name, rate)| println!("rate {name} {rate:.4e}"));
     let state = world.state();
     let column = |k: usize| [state.x[k], state.y[k], state.z[k], state.radius[k]];
     fs::write(out, lines(&(0..state.len()).map(column).collect::<Vec<_>>())).expect("a file");

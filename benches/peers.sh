@@ -47,7 +47,7 @@ rates() {
   local count=$1 bed=$2 warm=4000 steps=10000 engine round
   "$BED" convert "$bed" "bed$count"
   for round in 1 2 3; do
-    echo "ours $("$BED" settle "bed$count/bed.txt" 0.025 "$steps" out.txt | sed -n 's/^rate //p')"
+    "$BED" settle "bed$count/bed.txt" 0.025 "$steps" out.txt | sed -n 's/^rate //p'
     for engine in liggghts lammps; do
       echo "$engine $(spent $engine "bed$count/bed.$engine" $warm 0 dump) $(spent $engine "bed$count/bed.$engine" $warm $steps dump)"
     done
@@ -92,4 +92,5 @@ fi
 echo "# rate N engine particle-steps/CPU-s ours/engine"
 [ $quick = yes ] || rates 12000 bed12000.txt
 rates 4200 bed4200.txt | tee rates.txt
+awk '{ best[$3] = $4 } END { for (width in best) if (width ~ /^ours_/) printf "ratio_vs_liggghts_%s=%.2f\n", substr(width, 6), best[width] / best["liggghts"] }' rates.txt
 awk '$3 == "liggghts" { print "ratio_vs_liggghts=" $5 }' rates.txt

@@ -49,7 +49,7 @@ pub use setup::{
 };
 pub use sizes::SizeDistribution;
 pub use stl::{Facet, StlError, facets, mesh};
-pub use world::World;
+pub use world::{Vectors, World};
 
 /// Version of the simulated physics; raised with every change that alters the bits of a result. Part of every run's key.
 pub const PHYSICS_VERSION: u32 = 3;

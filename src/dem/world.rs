@@ -24,6 +24,30 @@ use super::vector::{Row4, dot, xyz};
 use super::walls::{Geometry, SAME_POINT, WallPiece};
 use pulp::Arch;
 
+/// Vectors that contacts and grains are computed with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Vectors {
+    /// The widest of the machine.
+    Widest,
+    /// Four numbers (AVX2).
+    Avx2,
+    /// One number at a time.
+    Scalar,
+}
+
+impl Vectors {
+    fn arch(self) -> Arch {
+        match self {
+            Self::Widest => Arch::new(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => pulp::x86::V3::try_new().map_or(Arch::Scalar, Arch::V3),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx2 => Arch::Scalar,
+            Self::Scalar => Arch::Scalar,
+        }
+    }
+}
+
 /// Grains, walls and contacts at one time.
 #[derive(Debug, Clone)]
 pub struct World {
@@ -121,6 +145,13 @@ impl World {
             inherit: Vec::new(),
             arch: Arch::new(),
         }
+    }
+
+    /// The same world with vectors of another width than the widest of this machine: the same bits, at another speed. A width
+    /// that the machine lacks becomes scalar.
+    #[must_use]
+    pub fn with_vectors(self, vectors: Vectors) -> Self {
+        Self { arch: vectors.arch(), ..self }
     }
 
     /// Appends everything that does not follow from the setup; the lists too, since their order is that of the sums.
@@ -634,11 +665,13 @@ mod tests {
         }
     }
 
-    /// State after 3000 steps, with the vectors of `arch`.
-    fn run(arch: Arch) -> State {
+    const WIDTHS: [Vectors; 3] = [Vectors::Scalar, Vectors::Avx2, Vectors::Widest];
+
+    /// State after 3000 steps.
+    fn run(vectors: Vectors) -> State {
         let setup = setup();
         let grains = fill(&setup, 1).unwrap().grains;
-        let mut world = World { arch, ..World::new(&setup, &grains).unwrap() };
+        let mut world = World::new(&setup, &grains).unwrap().with_vectors(vectors);
         (0..3000).for_each(|_| world.step().unwrap());
         assert!(world.coordination_number() > 1.0, "the grains have met");
         world.state()
@@ -646,11 +679,9 @@ mod tests {
 
     #[test]
     fn every_vector_width_gives_the_same_bits() {
-        let scalar = run(Arch::Scalar);
-        assert_eq!(scalar, run(Arch::new()), "widest vectors of this machine");
-        #[cfg(target_arch = "x86_64")]
-        if let Some(v3) = pulp::x86::V3::try_new() {
-            assert_eq!(scalar, run(Arch::V3(v3)), "AVX2");
+        let scalar = run(Vectors::Scalar);
+        for vectors in [Vectors::Avx2, Vectors::Widest] {
+            assert_eq!(scalar, run(vectors), "{vectors:?}");
         }
     }
 
@@ -663,17 +694,15 @@ mod tests {
         setup.fill.base = 0.01;
         setup.fill.volume = 1e-4;
         let grains = fill(&setup, 1).unwrap().grains;
-        let end = |arch| {
-            let mut world = World { arch, ..World::new(&setup, &grains).unwrap() };
+        let end = |vectors| {
+            let mut world = World::new(&setup, &grains).unwrap().with_vectors(vectors);
             (0..4000).for_each(|_| world.step().unwrap());
             assert!(world.pairs.across.len() > 10, "{} pairs across", world.pairs.across.len());
             world.state()
         };
-        let scalar = end(Arch::Scalar);
-        assert_eq!(scalar, end(Arch::new()), "widest vectors of this machine");
-        #[cfg(target_arch = "x86_64")]
-        if let Some(v3) = pulp::x86::V3::try_new() {
-            assert_eq!(scalar, end(Arch::V3(v3)), "AVX2");
+        let scalar = end(Vectors::Scalar);
+        for vectors in [Vectors::Avx2, Vectors::Widest] {
+            assert_eq!(scalar, end(vectors), "{vectors:?}");
         }
     }
 
@@ -691,16 +720,16 @@ mod tests {
             ..Clump::new(grain.radius, 1.0, grain.position)
         };
         let clumps: Vec<Clump> = bound.iter().enumerate().map(clump).collect();
-        let start = |arch| World { arch, ..World::with_clumps(&setup, free, &clumps).unwrap() };
+        let start = |vectors| World::with_clumps(&setup, free, &clumps).unwrap().with_vectors(vectors);
         let steps = |world: &mut World, count| (0..count).for_each(|_| world.step().unwrap());
-        let mut undisturbed = start(Arch::Scalar);
+        let mut undisturbed = start(Vectors::Scalar);
         steps(&mut undisturbed, 3000);
         assert!(undisturbed.coordination_number() > 0.5 && undisturbed.clumps().len() > 5);
-        let mut world = start(Arch::new());
+        let mut world = start(Vectors::Avx2);
         steps(&mut world, 1500);
         let mut bytes = Vec::new();
         world.store(&mut bytes);
-        let mut world = World { arch: Arch::new(), ..World::restore(&setup, &mut &bytes[..]).unwrap() };
+        let mut world = World::restore(&setup, &mut &bytes[..]).unwrap().with_vectors(Vectors::Widest);
         steps(&mut world, 1500);
         assert_eq!(world.state(), undisturbed.state());
         assert_eq!(world.clumps(), undisturbed.clumps());
@@ -711,21 +740,18 @@ mod tests {
     fn a_checkpoint_goes_on_at_any_vector_width() {
         let setup = setup();
         let grains = fill(&setup, 1).unwrap().grains;
-        let mut archs = vec![Arch::Scalar, Arch::new()];
-        #[cfg(target_arch = "x86_64")]
-        archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
         let mut ends = Vec::new();
-        for (k, &first) in archs.iter().enumerate() {
-            let mut world = World { arch: first, ..World::new(&setup, &grains).unwrap() };
+        for (k, &first) in WIDTHS.iter().enumerate() {
+            let mut world = World::new(&setup, &grains).unwrap().with_vectors(first);
             (0..1500).for_each(|_| world.step().unwrap());
             let mut bytes = Vec::new();
             world.store(&mut bytes);
-            let second = archs[(k + 1) % archs.len()];
-            let mut world = World { arch: second, ..World::restore(&setup, &mut &bytes[..]).unwrap() };
+            let second = WIDTHS[(k + 1) % WIDTHS.len()];
+            let mut world = World::restore(&setup, &mut &bytes[..]).unwrap().with_vectors(second);
             (0..1500).for_each(|_| world.step().unwrap());
             ends.push(world.state());
         }
-        let undisturbed = run(Arch::Scalar);
+        let undisturbed = run(Vectors::Scalar);
         assert!(ends.iter().all(|end| *end == undisturbed));
     }
 
