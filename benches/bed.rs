@@ -78,7 +78,7 @@ fn setup() -> Setup {
             volume: 1.0,
         },
         events: Vec::new(),
-        stop: StopRule { energy_ratio: None, empty: None, check_after: 0.0, time_cap: far },
+        stop: StopRule { energy_ratio: None, waits: true, empty: None, check_after: 0.0, time_cap: far },
         domain: Region { lower: [-far; 3], upper: [far; 3] },
         periodic: None,
         trace: None,

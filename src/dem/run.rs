@@ -63,9 +63,11 @@ struct Log {
     deleted: usize,
     max_overlap: f64,
     particle_steps: u64,
+    /// Waiting at rest that was skipped [s].
+    skipped: f64,
 }
 
-super::checkpoint::stored!(Log { inserted, attempts, records, trace, deleted, max_overlap, particle_steps });
+super::checkpoint::stored!(Log { inserted, attempts, records, trace, deleted, max_overlap, particle_steps, skipped });
 
 impl<'a> Simulation<'a> {
     /// A filled setup at t = 0.
@@ -106,6 +108,11 @@ impl<'a> Simulation<'a> {
         })
     }
 
+    /// Time of the run [s]: that of the grains and what was skipped while they were at rest.
+    pub fn time(&self) -> f64 {
+        self.world.time() + self.log.skipped
+    }
+
     /// The grains, walls and contacts as they are.
     pub fn world(&self) -> &World {
         &self.world
@@ -137,7 +144,7 @@ impl<'a> Simulation<'a> {
         {
             return Ok(Some(stop));
         }
-        Ok((self.world.time() >= self.setup.stop.time_cap).then_some(Stop::TimeCap))
+        Ok((self.time() >= self.setup.stop.time_cap).then_some(Stop::TimeCap))
     }
 
     fn advance(&mut self) -> Result<(), Failure> {
@@ -147,9 +154,8 @@ impl<'a> Simulation<'a> {
     }
 
     fn run_due_events(&mut self) -> Result<(), Failure> {
-        while let Some(event) = self.events.get(self.log.records.len()).filter(|event| event.time <= self.world.time())
-        {
-            let (time, energies) = (self.world.time(), self.world.energies());
+        while let Some(event) = self.events.get(self.log.records.len()).filter(|event| event.time <= self.time()) {
+            let (time, energies) = (self.time(), self.world.energies());
             let deleted = act(&mut self.world, &event.action)?;
             self.log.deleted += deleted;
             self.log.records.push(EventRecord { time, deleted, energies });
@@ -159,7 +165,7 @@ impl<'a> Simulation<'a> {
 
     fn sample(&mut self) {
         let Some(trace) = &self.setup.trace else { return };
-        let time = self.world.time();
+        let time = self.time();
         if time >= trace.interval * self.log.trace.len() as f64 {
             self.log.trace.push(TracePoint { time, mass: self.world.mass_in(&trace.region) });
         }
@@ -171,19 +177,43 @@ impl<'a> Simulation<'a> {
         self.world.sweep()?;
         self.log.max_overlap = self.log.max_overlap.max(self.world.max_overlap());
         let rule = &self.setup.stop;
-        if self.world.time() < rule.check_after || self.log.records.len() < self.events.len() {
+        if self.log.records.len() < self.events.len() {
+            self.skip_waiting();
+            return Ok(None);
+        }
+        if self.time() < rule.check_after {
             return Ok(None);
         }
         if self.world.is_empty() || rule.empty.is_some_and(|region| self.world.is_clear(&region)) {
             return Ok(Some(Stop::Empty));
         }
+        Ok(self.is_at_rest().then_some(Stop::EnergyRatio))
+    }
+
+    fn is_at_rest(&self) -> bool {
         let rests = |ratio: f64, energies: Energies| energies.translational < ratio * energies.elastic;
-        let at_rest = rule.energy_ratio.is_some_and(|ratio| rests(ratio, self.world.energies()));
-        Ok(at_rest.then_some(Stop::EnergyRatio))
+        self.setup.stop.energy_ratio.is_some_and(|ratio| rests(ratio, self.world.energies()))
+    }
+
+    /// Lets the clock jump to the next event where the grains are at rest and the setup does not want them to wait. The trace
+    /// goes on over the jump. Under a changed gravity or a moving wall time matters.
+    fn skip_waiting(&mut self) {
+        let (past, coming) = self.events.split_at(self.log.records.len());
+        let is_still = |event: &&Event| matches!(event.action, Action::DeleteAbove { .. } | Action::RemoveWall { .. });
+        if self.setup.stop.waits || !past.iter().all(is_still) || !self.is_at_rest() {
+            return;
+        }
+        let Some(next) = coming.first().map(|event| event.time) else { return };
+        self.log.skipped += next - self.time();
+        let Some(trace) = &self.setup.trace else { return };
+        let mass = self.world.mass_in(&trace.region);
+        let due = (self.log.trace.len()..).map(|sample| trace.interval * sample as f64).take_while(|time| *time < next);
+        self.log.trace.extend(due.map(|time| TracePoint { time, mass }));
     }
 
     /// The result of a run that ended for this reason.
     pub fn outcome(self, stop: Stop) -> Outcome {
+        let time = self.time();
         let Self { world, log, .. } = self;
         Outcome {
             state: world.state_of_bodies(),
@@ -191,7 +221,7 @@ impl<'a> Simulation<'a> {
             stop,
             steps: world.steps(),
             time_step: world.time_step(),
-            time: world.time(),
+            time,
             inserted: log.inserted,
             attempts: log.attempts,
             deleted: log.deleted,

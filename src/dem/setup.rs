@@ -270,6 +270,9 @@ pub enum Reference {
 pub struct StopRule {
     /// Stop when translational kinetic energy over elastic energy falls below this [-]; paper: 1e-6. `None` is off.
     pub energy_ratio: Option<f64>,
+    /// Whether grains at rest, by the same ratio, wait for the next event. If not, the clock jumps to it, as long as nothing
+    /// but deletions and removed walls came before; what comes after keeps its distance.
+    pub waits: bool,
     /// Stop when no grain's centre is in this region. `None` is off.
     pub empty: Option<Region>,
     /// Neither of the two is looked at before this time [s]; choose it after the last release.

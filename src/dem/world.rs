@@ -658,7 +658,7 @@ mod tests {
                 volume: 3e-5,
             },
             events: Vec::new(),
-            stop: StopRule { energy_ratio: None, empty: None, check_after: 0.0, time_cap: 1.0 },
+            stop: StopRule { energy_ratio: None, waits: true, empty: None, check_after: 0.0, time_cap: 1.0 },
             domain: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] },
             periodic: None,
             trace: None,

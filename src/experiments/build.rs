@@ -146,6 +146,11 @@ pub fn top(fill: &Fill, ground: f64, grains: &Grains) -> f64 {
     fill.base + fill.volume / (ground * LOOSEST_CLOUD) + 10.0 * grains.size.largest()
 }
 
+/// Whether grains at rest wait for what comes next.
+pub fn waits(settings: &Settings) -> bool {
+    settings.is("waiting", "full")
+}
+
 /// Taking away what lies above `height`, up to which the vessel has to be full.
 pub fn deletion(settings: &Settings, time: f64, height: f64) -> Event {
     let reference = if settings.is("deletion_reference", "top") { Reference::Top } else { Reference::Centre };

@@ -57,6 +57,7 @@ impl Experiment for BulkDensity {
             events,
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
+                waits: build::waits(settings),
                 empty: None,
                 check_after: deletion,
                 time_cap: settings["bulk_density.time_cap"] + tapped,

@@ -68,6 +68,7 @@ impl Experiment for Hopper {
             .collect(),
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
+                waits: build::waits(settings),
                 empty: Some(inside),
                 check_after: release + settings["release_duration"] + settings["hopper.check_delay"],
                 time_cap: settings["hopper.time_cap"] + settings["release_duration"],

@@ -78,6 +78,7 @@ impl Experiment for Ledge {
             .collect(),
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
+                waits: build::waits(settings),
                 empty: None,
                 check_after: release + settings["release_duration"] + settings["ledge.check_delay"],
                 time_cap: settings["ledge.time_cap"] + settings["release_duration"],

@@ -77,6 +77,7 @@ impl Experiment for Pile {
             .collect(),
             stop: StopRule {
                 energy_ratio: Some(settings["stop_energy_ratio"]),
+                waits: build::waits(settings),
                 empty: None,
                 check_after: release + settings["release_duration"] + settings["pile.check_delay"],
                 time_cap: settings["pile.time_cap"] + settings["release_duration"],

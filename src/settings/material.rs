@@ -385,4 +385,13 @@ pub const MATERIAL: &[SettingSpec] = &[
         "kinetic over elastic energy below which a run stops",
         "paper, section 3.2 (printed the other way round)",
     ),
+    SettingSpec::choice(
+        "waiting",
+        &["full", "skipped"],
+        ALL,
+        "whether grains at rest (stop_energy_ratio) wait until the vessel is struck off and opened (full), or the clock jumps \
+         there (skipped)",
+        "the paper waits: its Table 5 gives times",
+    )
+    .silent(),
 ];

@@ -67,7 +67,7 @@ fn space(fraction: f64) -> Setup {
         walls: Vec::new(),
         fill: Fill { area: FillArea::Disc { axis: [0.0; 2], radius: 0.04 }, base: 0.0, plane_step: 1e-3, volume: 4e-5 },
         events: Vec::new(),
-        stop: StopRule { energy_ratio: Some(1e-6), empty: None, check_after: 0.0, time_cap: 1.0 },
+        stop: StopRule { energy_ratio: Some(1e-6), waits: true, empty: None, check_after: 0.0, time_cap: 1.0 },
         domain: Region { lower: [-10.0; 3], upper: [10.0; 3] },
         periodic: None,
         trace: None,
@@ -108,7 +108,7 @@ fn bed_setup() -> Setup {
             time: 0.4,
             action: Action::DeleteAbove { height: 0.03, reference: Reference::Top, level: true },
         }],
-        stop: StopRule { energy_ratio: Some(1e-6), empty: None, check_after: 0.4, time_cap: 2.0 },
+        stop: StopRule { energy_ratio: Some(1e-6), waits: true, empty: None, check_after: 0.4, time_cap: 2.0 },
         domain: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] },
         trace: Some(Trace { interval: 0.02, region: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 0.05] } }),
         ..space(0.15)

@@ -63,10 +63,10 @@ impl<'a> Watch<'a> {
     /// # Errors
     /// A file that cannot be written.
     pub fn look(&mut self, run: &Simulation) -> Result<(), CliError> {
-        if run.world().time() < self.next {
+        let time = run.time();
+        if time < self.next {
             return Ok(());
         }
-        let time = run.world().time();
         self.next = self.options.every * ((time / self.options.every).floor() + 1.0);
         self.record(run)?;
         match &self.options.checkpoint {
@@ -79,7 +79,7 @@ impl<'a> Watch<'a> {
     fn record(&mut self, run: &Simulation) -> Result<(), CliError> {
         let world = run.world();
         if let Some(frames) = &mut self.frames {
-            frames.add(&world.state(), world.time())?;
+            frames.add(&world.state(), run.time())?;
         }
         if self.options.trace.is_some() {
             self.rows.push(row(run, world));
@@ -103,7 +103,7 @@ impl<'a> Watch<'a> {
 fn row(run: &Simulation, world: &World) -> Row {
     let region = run.setup().trace.as_ref().map_or(run.setup().domain, |trace| trace.region);
     Row {
-        time: world.time(),
+        time: run.time(),
         energies: world.energies(),
         mass: world.mass_in(&region),
         grains: world.len() as u32,

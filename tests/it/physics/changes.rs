@@ -42,7 +42,7 @@ fn fines_have_the_mass_they_are_said_to_have() {
     for fraction in [0.02, 0.15] {
         let radius = 2.5e-3;
         let grains = Grains { fines: Some(Fines { fraction, radius }), ..bed_setup().grains };
-        let stop = StopRule { energy_ratio: None, empty: None, check_after: 0.0, time_cap: 1e-9 };
+        let stop = StopRule { energy_ratio: None, waits: true, empty: None, check_after: 0.0, time_cap: 1e-9 };
         let state = simulate(&Setup { grains, stop: stop.clone(), ..bed_setup() }, 8).unwrap().state;
         let volume =
             |keep: &dyn Fn(f64) -> bool| -> f64 { state.radius.iter().filter(|r| keep(**r)).map(|r| r * r * r).sum() };
@@ -91,7 +91,7 @@ fn knocks_compact_a_bed() {
         let events = if height > 0.0 { (0..5).flat_map(one).collect() } else { Vec::new() };
         let contact =
             ContactLaw { sliding_friction: 0.8, rolling_friction: 0.5, stiffness: 3.67743e4, ..ContactLaw::default() };
-        let stop = StopRule { energy_ratio: Some(1e-4), empty: None, check_after: 0.4, time_cap: 1.5 };
+        let stop = StopRule { energy_ratio: Some(1e-4), waits: true, empty: None, check_after: 0.4, time_cap: 1.5 };
         let state = simulate(&Setup { events, contact, stop, ..bed_setup() }, 2).unwrap().state;
         let mass: f64 = state.radius.iter().map(|r| r * r * r).sum();
         state.z.iter().zip(&state.radius).map(|(z, r)| z * r * r * r).sum::<f64>() / mass

@@ -20,7 +20,7 @@ fn flow_setup() -> Setup {
         action(0.23, Action::SetGravity { gravity: setup.gravity }),
         action(0.25, Action::RemoveWall { name: "floor".into() }),
     ];
-    setup.stop = StopRule { energy_ratio: None, empty: None, check_after: 0.0, time_cap: 0.3 };
+    setup.stop = StopRule { energy_ratio: None, waits: true, empty: None, check_after: 0.0, time_cap: 0.3 };
     setup
 }
 
@@ -39,6 +39,20 @@ fn finish(mut run: Simulation) -> Outcome {
             return run.outcome(stop);
         }
     }
+}
+
+/// A checkpoint after the clock has jumped knows that it has.
+#[test]
+fn a_run_that_skipped_its_waiting_goes_on_to_the_same_bits() {
+    let mut setup = bed_setup();
+    (setup.events[0].time, setup.stop.check_after, setup.stop.waits) = (1.0, 1.0, false);
+    let mut run = Simulation::new(&setup, 7).unwrap();
+    while run.time() < 1.0 {
+        assert!(run.step().unwrap().is_none());
+    }
+    assert!(run.world().time() < 0.8, "nothing was skipped until {}", run.world().time());
+    let stored = run.checkpoint();
+    assert_eq!(bits(&finish(run)), bits(&finish(Simulation::resume(&setup, 7, &stored).unwrap())));
 }
 
 /// While grains rain, touch, settle, right after they were levelled, right after the trapdoor opened, and in the flow.

@@ -56,7 +56,7 @@ fn a_bed_settles_and_stops_by_its_energy_ratio() {
 fn a_released_bed_empties_or_meets_its_time_cap() {
     let release = vec![Event { time: 0.3, action: Action::RemoveWall { name: "floor".into() } }];
     let region = Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] };
-    let stop = StopRule { energy_ratio: None, empty: Some(region), check_after: 0.3, time_cap: 1.0 };
+    let stop = StopRule { energy_ratio: None, waits: true, empty: Some(region), check_after: 0.3, time_cap: 1.0 };
     let domain = Region { lower: [-0.1, -0.1, -0.05], upper: [0.1, 0.1, 1.0] };
     let setup = Setup { events: release, stop: stop.clone(), domain, ..bed_setup() };
     let outcome = simulate(&setup, 1).unwrap();
@@ -69,11 +69,44 @@ fn a_released_bed_empties_or_meets_its_time_cap() {
     assert!((outcome.time - 0.35).abs() <= outcome.time_step);
 }
 
+/// A bed at rest that does not wait is levelled at the same time of its clock, from the same grains, after fewer steps; its
+/// trace has no gap.
+#[test]
+fn a_bed_that_does_not_wait_at_rest_is_the_same_bed() {
+    let mut setup = bed_setup();
+    setup.events[0].time = 1.0;
+    setup.stop.check_after = 1.0;
+    let waiting = simulate(&setup, 1).unwrap();
+    setup.stop.waits = false;
+    let skipping = simulate(&setup, 1).unwrap();
+    assert!(skipping.steps < waiting.steps * 7 / 10, "{} of {} steps", skipping.steps, waiting.steps);
+    assert!((skipping.events[0].time - waiting.events[0].time).abs() < 2.0 * waiting.time_step);
+    assert_eq!((skipping.deleted, skipping.stop), (waiting.deleted, waiting.stop));
+    for (a, b) in skipping.state.z.iter().zip(&waiting.state.z) {
+        assert!((a - b).abs() < 0.02 * RADIUS, "{a} and {b}: the bed was at rest");
+    }
+    for (place, point) in skipping.trace.iter().enumerate() {
+        assert!(
+            (point.time - 0.02 * place as f64).abs() < 2.0 * skipping.time_step,
+            "sample {place} at {}",
+            point.time
+        );
+    }
+    assert!((skipping.trace.len() as f64 - skipping.time / 0.02).abs() <= 1.0);
+    // Where a wall moves, time matters.
+    let slide = Event { time: 0.01, action: Action::MoveWall { name: "floor".into(), velocity: [0.0; 3] } };
+    setup.events.insert(0, slide);
+    let moved = simulate(&setup, 1).unwrap();
+    assert_eq!(moved.steps, waiting.steps);
+}
+
 /// The insertion leaves no contact, respects walls and area, and keeps places and sizes when frictions are spread.
 #[test]
 fn insertion_is_free_of_contacts_and_paired_between_effects() {
-    let setup =
-        Setup { stop: StopRule { energy_ratio: None, empty: None, check_after: 0.0, time_cap: 1e-9 }, ..bed_setup() };
+    let setup = Setup {
+        stop: StopRule { energy_ratio: None, waits: true, empty: None, check_after: 0.0, time_cap: 1e-9 },
+        ..bed_setup()
+    };
     let outcome = simulate(&setup, 8).unwrap();
     // One step has been made before the cap was seen: nothing can have touched yet beyond the distance of one step.
     assert_eq!(outcome.coordination_number, 0.0);
