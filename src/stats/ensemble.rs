@@ -1,8 +1,9 @@
 //! Draws from a density over the unit cube of which only the logarithm is known, up to a constant: the affine-invariant
 //! ensemble of Goodman & Weare (2010), which no scaling or correlation of the coordinates slows down.
 //!
-//! Takes ln p as a function, −∞ outside the cube, and where the walkers start; gives the positions of all walkers, marginals, correlations, and how far
-//! the draws are independent. In sequence and thus reproducible. Suited to a handful of coordinates.
+//! Takes ln p as a function, −∞ outside the cube, and where the walkers start; gives the positions of all walkers, marginals,
+//! correlations, and how far the draws are independent. Random numbers are drawn in sequence and only densities are computed in
+//! parallel: the same bits for any number of threads. Suited to a handful of coordinates.
 
 use super::optimise::Bounds;
 use super::points::Points;

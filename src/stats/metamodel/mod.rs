@@ -333,7 +333,8 @@ impl Metamodel {
         }
     }
 
-    /// The same mean and sd as [`Metamodel::predict`] gives, bit for bit; for kind `sk` with a twentieth of the work.
+    /// The same mean and sd as [`Metamodel::predict`] gives, bit for bit; for kind `sk` without the solves behind its
+    /// uncertainties, which are most of the work.
     ///
     /// # Panics
     /// If `x` has another dimension than the training points.
