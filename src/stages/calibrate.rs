@@ -5,7 +5,7 @@ use super::models::{Models, kind};
 use super::{Context, Outputs, SettingsText, Stage, StageError, never, no_runs, targets};
 use crate::config::{Approach, Config, Parameter};
 use crate::rng::Stream;
-use crate::stats::ensemble::{Length, Marginal, Sample, everywhere, sample};
+use crate::stats::ensemble::{Length, Marginal, Sample, everywhere, sample, walkers};
 use crate::stats::metamodel::{Kind, Metamodel, Prediction};
 use crate::stats::objective::identifiability::identify;
 use crate::stats::objective::{
@@ -43,16 +43,12 @@ pub const STAGE: Stage = Stage {
 
 /// Starts whose descent is followed to its end, besides the optimum for fewer repetitions.
 const REFINED: usize = 6;
-/// Length of the walk behind the credible intervals.
-const LENGTH: Length = Length { burn_in: 150, sweeps: 350 };
-/// Walkers of it, if that is enough: an ensemble needs at least two more than twice as many as parameters.
-const WALKERS: usize = 24;
 
-/// The walk from all over the unit cube.
+/// The walk behind the credible intervals, from all over the unit cube.
 fn walk(problem: &Problem, seed: u64) -> Sample {
     let (p, mut stream) = (problem.dimension(), Stream::new(seed, "posterior walkers"));
-    let start = everywhere(p, WALKERS.max(2 * (p + 1)), &mut stream);
-    sample(start, |x| problem.log_posterior(x), LENGTH, stream)
+    let start = everywhere(p, walkers(p), &mut stream);
+    sample(start, |x| problem.log_posterior(x), Length::default(), stream)
 }
 
 /// Draws that are stored, taken evenly from the walk.

@@ -22,6 +22,18 @@ pub struct Length {
     pub sweeps: usize,
 }
 
+/// Enough for a mean and a standard deviation to a tenth of the latter where walkers forget their place within a hundred sweeps.
+impl Default for Length {
+    fn default() -> Self {
+        Self { burn_in: 150, sweeps: 350 }
+    }
+}
+
+/// A number of walkers for `p` coordinates: 24, if that is enough.
+pub fn walkers(p: usize) -> usize {
+    24.max(2 * (p + 1))
+}
+
 /// A sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {

@@ -25,7 +25,7 @@ use crate::settings::{Scope, Settings};
 use crate::stages::StageError;
 use crate::stages::models::Models;
 use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
-use crate::stats::ensemble::{Length, Marginal, around, sample};
+use crate::stats::ensemble::{Length, Marginal, around, sample, walkers};
 use nalgebra::{DMatrix, DVector};
 
 /// Share of its range below which a strength is as good as zero, and says nothing per unit.
@@ -37,9 +37,6 @@ const LEAST_UNTIED: f64 = 0.25;
 /// The least share at which direct runs give a signature: below, the change is mostly the scatter of these runs.
 const LEAST_TIED: f64 = 0.125;
 
-/// Length of the walk that samples the strength, and its walkers, if that is enough.
-const LENGTH: Length = Length { burn_in: 150, sweeps: 350 };
-const WALKERS: usize = 24;
 /// The least standard deviation from which a walker starts, for parameters that a bound holds.
 const LEAST_START: f64 = 0.02;
 
@@ -210,8 +207,8 @@ impl Contender {
         };
         let sd: Vec<f64> = sds(&fit).into_iter().map(|sd| sd.max(LEAST_START)).collect();
         let mut stream = Stream::new(case.context.seed(&format!("strength {}", self.name())), "posterior walkers");
-        let start = around(fit.parameters.as_slice(), &sd, WALKERS.max(2 * (sd.len() + 1)), &mut stream);
-        self.posterior = sample(start, ln_density, LENGTH, stream).marginals();
+        let start = around(fit.parameters.as_slice(), &sd, walkers(sd.len()), &mut stream);
+        self.posterior = sample(start, ln_density, Length::default(), stream).marginals();
         Ok(())
     }
 

@@ -83,7 +83,7 @@ fn a_bed_that_does_not_wait_at_rest_is_the_same_bed() {
     assert!((skipping.events[0].time - waiting.events[0].time).abs() < 2.0 * waiting.time_step);
     assert_eq!((skipping.deleted, skipping.stop), (waiting.deleted, waiting.stop));
     for (a, b) in skipping.state.z.iter().zip(&waiting.state.z) {
-        assert!((a - b).abs() < 0.02 * RADIUS, "{a} and {b}: the bed was at rest");
+        assert!((a - b).abs() < 0.02 * RADIUS, "{a} and {b}: levelling moves a bed at rest by far less than a grain");
     }
     for (place, point) in skipping.trace.iter().enumerate() {
         assert!(
