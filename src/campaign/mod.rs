@@ -129,10 +129,12 @@ impl Campaign {
             .num_threads(options.jobs)
             .build()
             .map_err(|source| CampaignError::Threads { jobs: options.jobs, source })?;
+        let open = || rayon::join(|| store.ledger(PROVENANCE), || (store.ledger("runs"), store.ledger("kpis")));
+        let (provenance, (runs, kpis)) = pool.install(open);
         Ok(Self {
-            runs: store.ledger("runs")?,
-            kpis: store.ledger("kpis")?,
-            provenance: store.ledger(PROVENANCE)?,
+            runs: runs?,
+            kpis: kpis?,
+            provenance: provenance?,
             store,
             pool,
             progress: Progress::new(options.progress),

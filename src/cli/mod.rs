@@ -21,6 +21,7 @@ mod sim;
 mod status;
 mod why;
 
+use crate::tables::io::print_no_reader_panics;
 use clap::{Parser, Subcommand};
 use std::fmt;
 use std::path::PathBuf;
@@ -84,6 +85,7 @@ type CliError = Box<dyn std::error::Error>;
 
 /// Runs the command and turns its end into an exit code.
 pub fn run(cli: Cli) -> ExitCode {
+    print_no_reader_panics();
     match dispatch(&cli) {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Findings) => ExitCode::from(3),

@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "aggregate",
-    version: 2,
+    version: 3,
     purpose: "mean, standard deviation and intervals for every number of repetitions",
     reads: &[KpiRow::SPEC],
     writes: &[AggregateRow::SPEC],
@@ -48,7 +48,7 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
         let values = context.campaign.install(read)?;
         let beyond = values.iter().any(|values| values.last > last);
         let mut series = Series::new(&values)?;
-        for block in table::blocks(last) {
+        for block in table::blocks(last, series.points()) {
             let all = beyond && *block.end() == last;
             let mut inputs = Encoder::new();
             inputs.u64((*block.start()).into()).u64((*block.end()).into()).u64(all.into());
@@ -125,6 +125,11 @@ impl Series {
         }
         groups.values_mut().flat_map(BTreeMap::values_mut).for_each(|group| group.values.sort_by_key(|value| value.0));
         Ok(Self { groups, factors: Vec::new() })
+    }
+
+    /// Number of points.
+    fn points(&self) -> usize {
+        self.groups.values().map(BTreeMap::len).max().unwrap_or(0)
     }
 
     /// One row per observable, point and n of the block; a repetition without a value is counted out, not replaced.

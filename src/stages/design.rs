@@ -80,6 +80,11 @@ impl<'a> Runs<'a> {
         self.config.study.repetitions + self.extra.get(&point).copied().unwrap_or(0)
     }
 
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.points.len()
+    }
+
     /// The last repetition of any point.
     pub fn last(&self) -> u32 {
         self.points.keys().map(|point| self.repetitions(*point)).max().unwrap_or(0)

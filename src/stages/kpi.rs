@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "kpi",
-    version: 2,
+    version: 3,
     purpose: "read KPIs and extra observables off every run",
     reads: &[SampleRow::SPEC, RunRow::SPEC],
     writes: &[KpiRow::SPEC],

@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "simulate",
-    version: 3,
+    version: 4,
     purpose: "run the DEM model at every design point",
     reads: &[SampleRow::SPEC, ReplicationRow::SPEC],
     writes: &[RunRow::SPEC],
@@ -68,11 +68,14 @@ fn places(context: &Context, runs: &Runs) -> Result<Vec<Place>, StageError> {
     let mut experiments = context.config.experiments();
     experiments.sort_by_key(|experiment| experiment.name());
     let place = |experiment, block: RangeInclusive<u32>| {
+        // Beyond the repetitions of the study a block holds the extra runs of some points only.
+        let of_all_points = context.config.study.repetitions.min(*block.end());
         let mut inputs = Encoder::new();
-        inputs.bytes(&samples.0).bytes(&replications.0).u64((*block.start()).into()).u64((*block.end()).into());
+        inputs.bytes(&samples.0).bytes(&replications.0);
+        inputs.u64((*block.start()).into()).u64((*block.end()).into()).u64(of_all_points.into());
         Place { experiment, block, inputs }
     };
-    let of_experiment = |experiment| blocks(runs.last()).into_iter().map(move |block| place(experiment, block));
+    let of_experiment = |experiment| blocks(runs.last(), runs.points()).into_iter().map(move |block| place(experiment, block));
     Ok(experiments.into_iter().flat_map(of_experiment).collect())
 }
 

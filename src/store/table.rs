@@ -36,18 +36,20 @@ pub fn index(spec: &TableSpec) -> String {
 }
 
 /// Repetitions in one part, at most.
-const BLOCK: u32 = 64;
-/// Repetitions that are split no further.
-const SMALLEST: u32 = 8;
+const MOST_REPETITIONS: u32 = 64;
+/// Runs in one part, at most, unless one repetition has more.
+const MOST_RUNS: u32 = 1 << 16;
 
-/// The repetitions 1..=`last` in blocks, each a part of a table: as many of 64 as there are, then by the binary digits of
-/// the rest 32, 16 and 8, then what is left. They follow from `last` alone, and most of them stay when it grows.
-pub fn blocks(last: u32) -> Vec<RangeInclusive<u32>> {
+/// The repetitions 1..=`last` of `points` points in blocks, each a part of a table: as many of the largest size as there
+/// are, then the rest by its binary digits. The largest is 64 repetitions or the power of two that has at most 65,536 runs. So
+/// one repetition more writes one repetition or merges a few small blocks, never more than the largest.
+pub fn blocks(last: u32, points: usize) -> Vec<RangeInclusive<u32>> {
+    let points = u32::try_from(points).unwrap_or(u32::MAX).max(1);
+    let largest = MOST_REPETITIONS.min(1 << (MOST_RUNS / points).max(1).ilog2());
     let mut blocks = Vec::new();
     let mut first = 1;
     while first <= last {
-        let rest = last - first + 1;
-        let size = if rest < SMALLEST { rest } else { BLOCK.min(1 << rest.ilog2()) };
+        let size = largest.min(1 << (last - first + 1).ilog2());
         blocks.push(first..=first + size - 1);
         first += size;
     }
@@ -220,17 +222,21 @@ mod tests {
 
     #[test]
     fn blocks_cover_every_repetition_once_and_most_stay_when_they_grow() {
-        let sizes = |last| blocks(last).iter().map(|block| block.clone().count()).collect::<Vec<_>>();
-        assert_eq!(sizes(0), [0; 0]);
-        assert_eq!((sizes(3), sizes(50), sizes(64)), (vec![3], vec![32, 16, 2], vec![64]));
-        assert_eq!(sizes(135), [64, 64, 7]);
-        let mut written = 0;
-        for last in 1..1000 {
-            let (now, next) = (blocks(last), blocks(last + 1));
-            assert!(now.iter().cloned().flatten().eq(1..=last), "{last}");
-            written +=
-                next.iter().filter(|block| !now.contains(block)).map(|block| block.clone().count()).sum::<usize>();
+        let sizes = |last, points| blocks(last, points).iter().map(|block| block.clone().count()).collect::<Vec<_>>();
+        assert_eq!(sizes(0, 127), [0; 0]);
+        assert_eq!((sizes(3, 127), sizes(50, 127), sizes(64, 127)), (vec![2, 1], vec![32, 16, 2], vec![64]));
+        assert_eq!(sizes(135, 1024), [64, 64, 4, 2, 1]);
+        assert_eq!((sizes(21, 6350), sizes(2, 1_000_000)), (vec![8, 8, 4, 1], vec![1, 1]));
+        for points in [100, 6350] {
+            let mut written = 0;
+            for last in 1..1000 {
+                let (now, next) = (blocks(last, points), blocks(last + 1, points));
+                assert!(now.iter().cloned().flatten().eq(1..=last), "{last}");
+                let new: usize = next.iter().filter(|block| !now.contains(block)).map(|b| b.clone().count()).sum();
+                assert!(new == 1 || new * points <= MOST_RUNS as usize, "{last}: {new}");
+                written += new;
+            }
+            assert!(written < 7 * 1000, "adding one at a time writes each fewer than seven times: {written}");
         }
-        assert!(written < 8 * 1000, "adding one at a time writes each fewer than eight times: {written}");
     }
 }

@@ -17,6 +17,7 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::ParquetMetaDataReader;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::schema::types::ColumnPath;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -164,12 +165,30 @@ pub fn version_in_file(path: &Path) -> Result<Option<u32>, String> {
     Ok(metadata.schema().metadata().get(VERSION).and_then(|version| version.parse().ok()))
 }
 
+thread_local! {
+    /// Whether this thread is inside [`unpanicked`].
+    static READING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// From now on the panics that [`unpanicked`] turns into errors are not printed as well; all others are, as before.
+pub fn print_no_reader_panics() {
+    let print = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !READING.get() {
+            print(panic);
+        }
+    }));
+}
+
 /// Runs a reader of the parquet crate: some damaged files make it panic, which becomes an error as any other damage.
 ///
 /// # Errors
 /// What the reader said, in one way or the other.
 pub fn unpanicked<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ParquetError> {
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
+    let before = READING.replace(true);
+    let outcome = catch_unwind(AssertUnwindSafe(read));
+    READING.set(before);
+    outcome.unwrap_or_else(|panic| {
         let said = panic.downcast_ref::<String>().map(String::as_str);
         let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("the reader gave up");
         Err(ParquetError::General(said.to_owned()))

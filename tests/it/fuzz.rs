@@ -3,12 +3,14 @@
 //! Seeded mutations of good inputs. `GRANULAKE_FUZZ` is the number of cases of every target, `GRANULAKE_FUZZ_SEED` the
 //! seed; a case that fails is printed with its number and its bytes.
 
+use crate::support::Study;
 use granulake::canonical::Digest;
 use granulake::config::{Config, Measured};
 use granulake::rng::Stream;
 use granulake::store::ledger::layout::{Found, Manifest};
 use granulake::store::{Lock, Output, StageLock, table};
 use granulake::tables::{Row, RunRow, io};
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -196,8 +198,8 @@ granulake::table! {
     }
 }
 
-#[test]
-fn measured_parquet() {
+/// Measured data sets in Parquet.
+fn measured_tables() -> [Vec<u8>; 3] {
     let row = |experiment: &str, kpi: &str, mean, sd, unit: &str| LabRow {
         experiment: experiment.to_owned(),
         kpi: kpi.to_owned(),
@@ -211,12 +213,43 @@ fn measured_parquet() {
         row("bulk_density", "bulk_density", 1400.0, Some(15.0), "kg/m3"),
     ];
     let bytes = |rows: &[LabRow]| io::to_parquet_bytes(rows).expect("a table");
-    let seeds = [bytes(&rows), bytes(&rows[..1]), bytes(&[row("ledge", "ledge_mass", 2.0, None, "kg")])];
+    [bytes(&rows), bytes(&rows[..1]), bytes(&[row("ledge", "ledge_mass", 2.0, None, "kg")])]
+}
+
+#[test]
+fn measured_parquet() {
     let (_folder, path) = scratch("measured.parquet");
-    fuzz("measured_parquet", 4000, &seeds, &["PAR1", "ledge", "deg", "\u{1}", "\u{15}"], |bytes| {
+    fuzz("measured_parquet", 4000, &measured_tables(), &["PAR1", "ledge", "deg", "\u{1}", "\u{15}"], |bytes| {
         std::fs::write(&path, bytes).expect("a file");
         Measured::read("lab", &path).inspect(sound).is_ok()
     });
+}
+
+/// Reads a whole file as the reader of measured data does.
+fn read_parquet(bytes: Vec<u8>) -> Result<usize, parquet::errors::ParquetError> {
+    let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes))?.build()?;
+    Ok(reader.take_while(Result::is_ok).count())
+}
+
+#[test]
+fn a_file_on_which_the_parquet_crate_panics_is_one_clear_error() {
+    let [whole, ..] = measured_tables();
+    let mut random = Stream::new(10, "panic");
+    let flipped = |_| {
+        let mut bytes = whole.clone();
+        let at = random.index(bytes.len());
+        bytes[at] ^= 1 << random.index(8);
+        bytes
+    };
+    let panics = |bytes: &Vec<u8>| catch_unwind(|| read_parquet(bytes.clone())).is_err();
+    let found = (0..50_000).map(flipped).find(panics).expect("a flipped bit on which the reader panics");
+    let study = Study::quick();
+    study.edit("pipeline.toml", "path = \"lab.csv\"", "path = \"lab.parquet\"");
+    std::fs::write(study.path("lab.parquet"), found).expect("a file");
+    let ended = study.run(&["status"]);
+    assert_eq!(ended.code, Some(1), "{}", ended.err);
+    assert!(ended.err.starts_with("error: ") && ended.err.contains("lab.parquet"), "{}", ended.err);
+    assert!(!ended.err.contains("panicked"), "{}", ended.err);
 }
 
 /// A lock as a study has it.
