@@ -1,9 +1,9 @@
 //! Error rates of the verdict, layer (a) of `challenges.sh`: measured sets drawn from pools of stored runs.
 //!
-//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS` takes a study that is trained. For every truth it
-//! stores POOL runs of each fitted experiment, prepares one diagnosis with its own direct runs at data of other seeds, draws
-//! SETS measured sets of every count of COUNTS (as `10,20,50`) from the pool, and calibrates, diagnoses and scores each. A
-//! cell that stands in FOLDER/rates.csv already is not done again.
+//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS PANELS` takes a study that is trained. For every truth it
+//! stores POOL runs of each fitted experiment, prepares PANELS diagnoses with their own direct runs at data of other seeds,
+//! draws SETS measured sets of every count of COUNTS (as `10,20,50`) from the pool, and calibrates, diagnoses and scores each
+//! by one of them. A cell that stands in FOLDER/rates.csv already is not done again.
 
 use granulake::campaign::{Campaign, Options, Values};
 use granulake::challenge::{Declaration, Score, Solution, Truth, score};
@@ -34,12 +34,12 @@ const TRUTHS: &[(Option<(&str, f64)>, bool)] = &[
     (Some(("wall_friction_scatter", 0.25)), false),
     (Some(("tilt", 2.0)), false),
 ];
-/// Seed of the pools and of the reference data; packings of challenges come from a context of their own.
+/// Seed of the pools, and of the reference data of the first panel; packings of challenges come from a context of their own.
 const SEEDS: [u64; 2] = [9001, 9002];
 /// Repetitions of the reference data, at whose optimum the direct runs are made.
 const REFERENCE: u32 = 50;
-/// Repetitions of direct runs for each of a measured set. The sets of a truth share these runs, so that an error of theirs is
-/// no noise between sets: it must be small beside theirs.
+/// Repetitions of direct runs for each of a measured set. The sets of a panel share these runs, so that an error of theirs is
+/// no noise between sets: it must be small beside theirs, and several panels must be averaged.
 const REFINE: u32 = 5;
 /// Draws behind the detection limit of a cell.
 const LIMIT_DRAWS: usize = 300;
@@ -49,12 +49,13 @@ const WEIGHINGS: (f64, u32) = (30.0, 10);
 fn main() -> Result<(), Failed> {
     // cargo passes `--bench` on to the binary.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
-    let [folder, pool, sets, counts, thetas] = arguments.as_slice() else {
+    let [folder, pool, sets, counts, thetas, panels] = arguments.as_slice() else {
         println!("challenges: no folder given, nothing to do; see benches/challenges.sh");
         return Ok(());
     };
     let counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
-    let plan = Plan { pool: pool.parse()?, sets: sets.parse()?, counts };
+    let panels: u32 = panels.parse()?;
+    let plan = Plan { pool: pool.parse()?, sets: sets.parse::<u32>()? / panels.max(1), counts, panels };
     let study = Study::load(&Path::new(folder).join("pipeline.toml"))?;
     let campaign = study.campaign(Options { progress: false, ..Options::default() })?;
     let mut book = Book::open(Path::new(folder).join("rates.csv"))?;
@@ -74,8 +75,10 @@ fn main() -> Result<(), Failed> {
 /// Sizes.
 struct Plan {
     pool: u32,
+    /// Sets of every panel in a cell.
     sets: u32,
     counts: Vec<u32>,
+    panels: u32,
 }
 
 /// One truth.
@@ -88,6 +91,7 @@ struct Hidden<'t> {
 
 /// What one line of the results is about.
 struct Cell {
+    panel: u32,
     count: u32,
     evidence: &'static str,
     without: Option<&'static str>,
@@ -100,7 +104,8 @@ impl Hidden<'_> {
 
     fn key(&self, cell: &Cell, plan: &Plan) -> String {
         let without = cell.without.unwrap_or("-");
-        format!("{},{},{},{},{},{}", self.theta, self.name(), cell.count, cell.evidence, without, plan.sets)
+        let Cell { panel, count, evidence, .. } = cell;
+        format!("{},{},{count},{evidence},{without},{panel},{}", self.theta, self.name(), plan.sets)
     }
 
     fn parameters(&self, config: &Config) -> Values {
@@ -112,29 +117,46 @@ impl Hidden<'_> {
 
     /// All cells of this truth that the book lacks.
     fn cells(&self, study: &Study, campaign: &Campaign, plan: &Plan, book: &mut Book) -> Result<(), Failed> {
-        let cells = plan.counts.iter().flat_map(|&count| {
-            let left_out = self.effect.filter(|_| self.left_out).map(|(name, _)| name);
-            let cell = |evidence, without| Cell { count, evidence, without };
-            let mut cells = vec![cell("all", None), cell("kpis", None)];
-            cells.extend(left_out.map(|name| cell("all", Some(name))));
-            cells
-        });
-        let missing: Vec<Cell> = cells.filter(|cell| !book.has(&self.key(cell, plan))).collect();
-        if missing.is_empty() {
-            return Ok(());
-        }
-        eprintln!("{} at {}: {} cells", self.name(), self.theta, missing.len());
         let effects: Values = self.effect.iter().map(|(name, strength)| ((*name).to_owned(), *strength)).collect();
         let truth = Truth { parameters: self.parameters(&study.config), effects, scale: Vec::new() };
         let measure = |repetitions, seed| {
             truth.measure(&study.config, campaign, &study.config.experiments(), (repetitions, 50), seed)
         };
-        let (pool, first) = (measure(plan.pool, SEEDS[0])?, measure(REFERENCE, SEEDS[1])?);
-        campaign.compact()?;
-        let density = truth.parameters.iter().find(|(name, _)| name == "particle_density").map(|(_, value)| *value);
+        for panel in 1..=plan.panels {
+            let missing: Vec<Cell> =
+                self.cells_of(panel, plan).into_iter().filter(|cell| !book.has(&self.key(cell, plan))).collect();
+            if missing.is_empty() {
+                continue;
+            }
+            eprintln!("{} at {}, panel {panel}: {} cells", self.name(), self.theta, missing.len());
+            let (pool, first) = (measure(plan.pool, SEEDS[0])?, measure(REFERENCE, SEEDS[1] + u64::from(panel))?);
+            campaign.compact()?;
+            self.panel(study, campaign, (&pool, &first), (&missing, plan, book))?;
+        }
+        Ok(())
+    }
+
+    fn cells_of(&self, panel: u32, plan: &Plan) -> Vec<Cell> {
+        let of_count = |count: &u32| {
+            let cell = |evidence, without| Cell { panel, count: *count, evidence, without };
+            let left_out = self.effect.filter(|_| self.left_out).map(|(name, _)| cell("all", Some(name)));
+            [cell("all", None), cell("kpis", None)].into_iter().chain(left_out).collect::<Vec<_>>()
+        };
+        plan.counts.iter().flat_map(of_count).collect()
+    }
+
+    /// The cells of one panel, whose direct runs stand at the optimum of `first`.
+    fn panel(
+        &self,
+        study: &Study,
+        campaign: &Campaign,
+        (pool, first): (&[KpiRow], &[KpiRow]),
+        (missing, plan, book): (&[Cell], &Plan, &mut Book),
+    ) -> Result<(), Failed> {
+        let (density, number) = (self.density(&study.config), missing[0].panel);
         let all: Vec<u32> = (1..=REFERENCE).collect();
-        let reference =
-            data(&first, &|_| all.clone(), density, &mut Stream::new(SEEDS[1], &self.key(&missing[0], plan)));
+        let purpose = format!("{} {} reference {number}", self.theta, self.name());
+        let reference = data(first, &|_| all.clone(), density, &mut Stream::new(SEEDS[1], &purpose));
         let source = MeasuredSource {
             name: NAME.to_owned(),
             path: PathBuf::new(),
@@ -156,7 +178,7 @@ impl Hidden<'_> {
                 panel = panel.of_kpis().ok_or("the reference lacks a KPI")?;
             }
             for cell in missing.iter().filter(|cell| cell.evidence == evidence) {
-                let (drawn, start) = (self.draw(&pool, density, cell, plan), std::time::Instant::now());
+                let (drawn, start) = (self.draw(pool, density, cell, plan), std::time::Instant::now());
                 let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
                 let seconds = start.elapsed().as_secs_f64();
                 eprintln!("  {} sets of n = {}, {evidence}: {seconds:.0} s", plan.sets, cell.count);
@@ -166,9 +188,14 @@ impl Hidden<'_> {
         Ok(())
     }
 
+    fn density(&self, config: &Config) -> Option<f64> {
+        self.parameters(config).into_iter().find(|(name, _)| name == "particle_density").map(|(_, value)| value)
+    }
+
     /// Measured sets drawn from the pool without replacement within a set.
     fn draw(&self, pool: &[KpiRow], density: Option<f64>, cell: &Cell, plan: &Plan) -> Vec<Measured> {
-        (0..plan.sets)
+        let first = (cell.panel - 1) * plan.sets;
+        (first..first + plan.sets)
             .map(|number| {
                 // The same sets for every evidence and library, so that these can be compared.
                 let purpose = format!("{} {} {} {number}", self.theta, self.name(), cell.count);
@@ -317,52 +344,58 @@ impl Book {
     }
 
     fn add(&mut self, key: String, tally: &Tally) -> Result<(), Failed> {
-        let (low, high) = clopper_pearson(tally.correct, tally.sets);
-        let rate = f64::from(tally.correct) / f64::from(tally.sets.max(1));
-        let size = f64::from(tally.class_size) / f64::from(tally.named.max(1));
         let answers: Vec<String> = tally.answers.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
-        let line = format!(
-            "{key},{},{},{rate:.3},{low:.3},{high:.3},{size:.2},{},{},{}",
-            tally.correct,
-            tally.sets,
-            tally.decidable,
-            answers.join("; "),
-            tally.limits
-        );
+        let Tally { correct, class_size, named, decidable, .. } = tally;
+        let line = format!("{key},{correct},{class_size},{named},{decidable},{},{}", answers.join("; "), tally.limits);
         println!("{line}");
         self.lines.push(line);
         Ok(std::fs::write(&self.path, self.lines.join("\n") + "\n")?)
     }
 
-    /// The matrix of answers and the identifiability of every cell, as Markdown.
+    /// The matrix of answers over all panels, and what every effect shows in the first, as Markdown.
     fn print(&self) {
         println!(
-            "\n| theta | truth | n | evidence | left out | right | 95 % interval | mean class | decidable | answers |"
+            "\n| theta | truth | n | evidence | left out | right | 95 % interval | by panel | mean class | decidable | answers |"
         );
-        println!("|---|---|---|---|---|---|---|---|---|---|");
-        let cells: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
-        for cell in cells.iter().filter(|cell| cell.len() >= 15) {
-            println!(
-                "| {} | {} | {} | {} | {} | {} of {} | {} to {} | {} | {} | {} |",
-                cell[0],
-                cell[1],
-                cell[2],
-                cell[3],
-                cell[4],
-                cell[6],
-                cell[7],
-                cell[9],
-                cell[10],
-                cell[11],
-                cell[12],
-                cell[13]
-            );
+        println!("|---|---|---|---|---|---|---|---|---|---|---|");
+        let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
+        let mut cells: BTreeMap<&[&str], Vec<&[&str]>> = BTreeMap::new();
+        for line in lines.iter().filter(|line| line.len() == COLUMNS) {
+            cells.entry(&line[..5]).or_default().push(&line[5..]);
+        }
+        for (cell, panels) in &cells {
+            println!("| {} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
         }
         println!("\n| theta | truth | n | evidence | what each effect shows |\n|---|---|---|---|---|");
-        for cell in cells.iter().filter(|cell| cell.len() >= 15 && cell[4] == "-") {
-            println!("| {} | {} | {} | {} | {} |", cell[0], cell[1], cell[2], cell[3], cell[14]);
+        for (cell, panels) in cells.iter().filter(|(cell, _)| cell[4] == "-") {
+            println!("| {} | {} |", cell[..4].join(" | "), panels[0][COLUMNS - 6]);
         }
     }
+}
+
+/// Columns of a line: theta, truth, n, evidence, left out, panel, sets, right, sizes of the classes, named, decidable,
+/// answers, limits.
+const COLUMNS: usize = 13;
+
+/// The rest of a line of the matrix from the lines of its panels (from the number of the panel on).
+fn sum_up(panels: &[&[&str]]) -> [String; 6] {
+    let sum = |column: usize| panels.iter().filter_map(|line| line[column].parse::<u32>().ok()).sum::<u32>();
+    let (sets, right, classes, named, decidable) = (sum(1), sum(2), sum(3), sum(4), sum(5));
+    let (low, high) = clopper_pearson(right, sets);
+    let mut answers: BTreeMap<&str, u32> = BTreeMap::new();
+    for (answer, count) in panels.iter().flat_map(|line| line[6].split("; ")).filter_map(|text| text.rsplit_once(": "))
+    {
+        *answers.entry(answer).or_default() += count.parse::<u32>().unwrap_or(0);
+    }
+    let answers: Vec<String> = answers.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
+    [
+        format!("{right} of {sets}"),
+        format!("{low:.3} to {high:.3}"),
+        panels.iter().map(|line| line[2]).collect::<Vec<_>>().join(" + "),
+        format!("{:.2}", f64::from(classes) / f64::from(named.max(1))),
+        decidable.to_string(),
+        answers.join("; "),
+    ]
 }
 
 /// Exact 95 % interval of a rate: the quantiles of two beta distributions.

@@ -5,15 +5,15 @@
 #   benches/challenges.sh [--quick] [FOLDER]
 #
 # Runs, tables and results stay in FOLDER (target/challenges when left out): killed and started again, it continues.
-# --quick: one place in the parameter space, pools of 200 runs, 60 sets a cell, n = 20, four challenges.
+# --quick: one place in the parameter space, one panel, pools of 200 runs, 60 sets a cell, n = 20, four challenges.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
-pool=600 sets=1000 counts=10,20,50 thetas=2 blind=60
+pool=2000 sets=1000 counts=10,20,50 thetas=2 panels=5 blind=60
 candidates='["cohesion", "wall_friction_scatter", "size_distribution", "fill_level", "tilt"]'
 if [ "${1:-}" = --quick ]; then
   shift
-  pool=200 sets=60 counts=20 thetas=1 blind=4
+  pool=200 sets=60 counts=20 thetas=1 panels=1 blind=4
   candidates='["cohesion", "wall_friction_scatter", "size_distribution"]'
 fi
 folder=${1:-target/challenges}
@@ -28,8 +28,8 @@ sed -e "s/^candidates = .*/candidates = $candidates/" -e 's/^bootstrap = .*/boot
 cp -r artifacts/measured "$folder/"
 granulake repro train >/dev/null
 
-echo "## (a) drawn sets: pools of $pool runs per truth and test, $sets sets a cell"
-cargo bench --quiet --bench challenges -- "$folder" "$pool" "$sets" "$counts" "$thetas"
+echo "## (a) drawn sets: pools of $pool runs per truth and test, $sets sets a cell, $panels panels"
+cargo bench --quiet --bench challenges -- "$folder" "$pool" "$sets" "$counts" "$thetas" "$panels"
 
 echo
 echo "## (b) $blind sealed challenges end to end"

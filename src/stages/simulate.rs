@@ -75,7 +75,8 @@ fn places(context: &Context, runs: &Runs) -> Result<Vec<Place>, StageError> {
         inputs.u64((*block.start()).into()).u64((*block.end()).into()).u64(of_all_points.into());
         Place { experiment, block, inputs }
     };
-    let of_experiment = |experiment| blocks(runs.last(), runs.points()).into_iter().map(move |block| place(experiment, block));
+    let of_experiment =
+        |experiment| blocks(runs.last(), runs.points()).into_iter().map(move |block| place(experiment, block));
     Ok(experiments.into_iter().flat_map(of_experiment).collect())
 }
 

@@ -466,6 +466,26 @@ fn few_repetitions_do_not_raise_false_alarms() {
     }
 }
 
+/// 500 draws know the level of 5 % to one point by themselves; what is known of normal noise must make that much better.
+#[test]
+fn the_chance_of_the_draws_does_not_move_the_level() {
+    let mut problem = world();
+    problem.rows.iter_mut().for_each(|row| row.measured_share = 0.2);
+    let shift = noise(&problem, &mut Stream::new(4, "shift"));
+    let at = |seed: u64, size: f64| {
+        let problem = Problem { residual: calibrated(&problem, &shift) * size, ..problem.clone() };
+        attribute(&problem, &Options { null_draws: 500, power_draws: 0, seed, ..Options::default() }).expect("a result")
+    };
+    // χ² of 9 directions exceeds 16.92 once in twenty times.
+    let size = (16.92 / at(0, 1.0).t0).sqrt();
+    let p: Vec<f64> = (1..=20).map(|seed| at(seed, size).t0_p).collect();
+    let mean = p.iter().sum::<f64>() / 20.0;
+    let sd = (p.iter().map(|p| (p - mean) * (p - mean)).sum::<f64>() / 19.0).sqrt();
+    // A fifth of each variance from 19 degrees of freedom makes tails a little heavier, never lighter.
+    // The draws alone would scatter by √(0.05 · 0.95/500) = 0.0097.
+    assert!((0.049..0.056).contains(&mean) && sd < 0.0065, "mean {mean}, sd {sd}");
+}
+
 #[test]
 fn standard_deviations_from_few_repetitions_are_set_aside() {
     let mut problem = world();

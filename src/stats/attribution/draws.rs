@@ -7,7 +7,7 @@
 
 use super::effect::Curve;
 use super::judge::{Critical, Found, Machine, Seen};
-use super::noise::Noise;
+use super::noise::{Noise, tail_ratio};
 use super::outcome::DetectionLimit;
 use crate::rng::Stream;
 use crate::stats::special;
@@ -38,15 +38,15 @@ impl World {
         Self { curve: curve.clone(), shrink, root }
     }
 
-    /// One whitened residual with the effect at a strength.
-    fn draw(&self, strength: f64, noise: &Noise<'_>, stream: &mut Stream) -> DVector<f64> {
-        let mut e = noise.draw(stream);
+    /// One whitened residual with the effect at a strength, and the T₀ of its noise were that normal.
+    fn draw(&self, strength: f64, noise: &Noise<'_>, stream: &mut Stream) -> (DVector<f64>, f64) {
+        let (mut e, plain) = noise.draw(stream);
         e.axpy(strength * self.shrink, &DVector::from_vec(self.curve.secant(strength)), 1.0);
         if let Some(root) = &self.root {
             let error = DVector::from_fn(root.ncols(), |_, _| stream.normal());
             e.gemv(strength, root, &error, 1.0);
         }
-        e
+        (e, plain)
     }
 }
 
@@ -67,9 +67,11 @@ pub(super) fn calibrate(machine: &mut Machine, noise: &Noise<'_>, worlds: &[Worl
     let mut stream = Stream::new(options.seed, "attribution without effect");
     let simulated = noise.heavy || machine.geometries.len() > 1;
     let mut null = Null { simulated, t0: Vec::new(), gain: Vec::new(), leftover: Vec::new() };
-    let mut pairs = Vec::new();
+    let (mut pairs, mut plain) = (Vec::new(), Vec::new());
     for _ in 0..options.null_draws {
-        let seen = machine.see(&noise.draw(&mut stream));
+        let (residual, t0) = noise.draw(&mut stream);
+        plain.push(t0);
+        let seen = machine.see(&residual);
         let fits = machine.fits(&seen);
         null.t0.push(seen.t0);
         null.gain.push(largest_gain(machine, &seen, &fits));
@@ -80,6 +82,7 @@ pub(super) fn calibrate(machine: &mut Machine, noise: &Noise<'_>, worlds: &[Worl
     for sorted in [&mut null.t0, &mut null.gain, &mut pairs] {
         sorted.sort_by(f64::total_cmp);
     }
+    steady(&mut null.t0, plain, options.adequacy_level, machine.evidence());
     if simulated {
         null.leftover = (0..worlds.len()).map(|k| leftovers(machine, noise, &worlds[k], k)).collect();
     }
@@ -103,12 +106,22 @@ fn leftovers(machine: &Machine, noise: &Noise<'_>, world: &World, k: usize) -> V
     let mut stream = Stream::new(machine.options.seed, "attribution leftover");
     let (rule, mut scratch) = (machine.rules[k], Vec::new());
     let draw = |_| {
-        let residual = world.draw(rule.side() * rule.tau, noise, &mut stream);
-        machine.fit(&machine.see(&residual), k, &mut scratch).fit.leftover
+        let (residual, plain) = world.draw(rule.side() * rule.tau, noise, &mut stream);
+        (machine.fit(&machine.see(&residual), k, &mut scratch).fit.leftover, plain)
     };
-    let mut all: Vec<f64> = (0..machine.options.null_draws).map(draw).collect();
+    let (mut all, plain): (Vec<f64>, Vec<f64>) = (0..machine.options.null_draws).map(draw).unzip();
     all.sort_by(f64::total_cmp);
+    steady(&mut all, plain, machine.options.leftover_level, machine.evidence());
     all
+}
+
+/// Takes the chance of the draws off their critical value: `plain` are the T₀ of the same draws as normal noise, whose law
+/// is χ² of d, and what their tail is off by is in `sorted` too.
+fn steady(sorted: &mut [f64], mut plain: Vec<f64>, level: f64, d: usize) {
+    plain.sort_by(f64::total_cmp);
+    let law = |place: usize| special::chi2_quantile((place + 1) as f64 / (plain.len() + 1) as f64, d as f64);
+    let factor = if d > 0 { tail_ratio(law, &plain, level) } else { 1.0 };
+    sorted.iter_mut().for_each(|value| *value *= factor);
 }
 
 fn critical(machine: &Machine, null: &Null, pairs: &[f64]) -> Critical {
@@ -178,7 +191,7 @@ fn detection_probability(machine: &Machine, noise: &Noise<'_>, world: &World, k:
     let side = if strength < 0.0 { "attribution power below" } else { "attribution power above" };
     let mut stream = Stream::new(options.seed, &format!("{side} {k}"));
     let detected = |_: &usize| {
-        let residual = world.draw(strength, noise, &mut stream);
+        let (residual, _) = world.draw(strength, noise, &mut stream);
         machine.decide(&residual).detects(k, options.largest_class)
     };
     (0..options.power_draws).filter(detected).count() as f64 / options.power_draws as f64

@@ -17,6 +17,8 @@ pub(super) struct Noise<'a> {
     /// Share of the variance of each observable in use that was estimated from few repetitions.
     shares: Vec<f64>,
     groups: Vec<Group>,
+    /// What calibration reaches of the whitened rows.
+    range: DMatrix<f64>,
     /// Factor on all draws.
     scale: f64,
     /// Whether some variance was estimated from few repetitions.
@@ -60,23 +62,27 @@ impl<'a> Noise<'a> {
                 None => groups.push(Group { id, rows: vec![i], dof }),
             }
         }
-        let mut noise = Self { whitened, heavy: !groups.is_empty(), shares, groups, scale: 1.0 };
+        let range = range_of(&whitened.tangent);
+        let mut noise = Self { whitened, heavy: !groups.is_empty(), shares, groups, range, scale: 1.0 };
         if noise.heavy {
             noise.scale = noise.calibrated(options);
         }
         noise
     }
 
-    /// √(critical T₀ with Σ redrawn and refitted ÷ critical T₀ of draws with Σ as it is).
+    /// √(critical T₀ with Σ redrawn and refitted ÷ critical T₀ of draws with Σ as it is), both of the same normal numbers,
+    /// so that the chance in them is no part of the ratio.
     fn calibrated(&self, options: &Options) -> f64 {
-        let range = range_of(&self.whitened.tangent);
-        let mut stream = Stream::new(options.seed, "attribution noise as it is");
-        let as_is = (0..options.null_draws).map(|_| leftover(&range, &self.draw(&mut stream))).collect();
-        let mut stream = Stream::new(options.seed, "attribution noise refitted");
         let Some(blocks) = self.blocks() else { return 1.0 };
-        let refitted = (0..options.null_draws).map(|_| self.refitted(&blocks, &mut stream)).collect();
-        let ratio = upper(refitted, options.adequacy_level) / upper(as_is, options.adequacy_level);
-        if ratio.is_finite() && ratio > 0.0 { ratio.sqrt() } else { 1.0 }
+        let mut stream = Stream::new(options.seed, "attribution noise refitted");
+        let both = |_| {
+            let e = self.normal(&mut stream);
+            let as_is = leftover(&self.range, &self.stretched(e.clone(), &mut stream));
+            (as_is, self.refitted(e, &blocks, &mut stream))
+        };
+        let (mut as_is, mut refitted): (Vec<f64>, Vec<f64>) = (0..options.null_draws).map(both).unzip();
+        [&mut as_is, &mut refitted].into_iter().for_each(|values| values.sort_by(f64::total_cmp));
+        tail_ratio(|place| refitted[place], &as_is, options.adequacy_level).sqrt()
     }
 
     /// Σ of the observables in use.
@@ -98,8 +104,8 @@ impl<'a> Noise<'a> {
         self.groups.iter().map(block).collect()
     }
 
-    /// T₀ of one draw whose Σ was estimated anew.
-    fn refitted(&self, blocks: &[Block], stream: &mut Stream) -> f64 {
+    /// T₀ of normal noise whose Σ was estimated anew.
+    fn refitted(&self, e: DVector<f64>, blocks: &[Block], stream: &mut Stream) -> f64 {
         let m = self.shares.len();
         let turns: Vec<DMatrix<f64>> =
             self.groups.iter().zip(blocks).map(|(group, block)| block.rewhitened(group.dof, stream)).collect();
@@ -111,7 +117,7 @@ impl<'a> Noise<'a> {
             }
             whiten(&self.whitened.factor, &turned)
         };
-        let mut e = DMatrix::from_fn(self.whitened.len(), 1, |_, _| stream.normal());
+        let mut e = DMatrix::from_column_slice(e.len(), 1, e.as_slice());
         let x = &self.whitened.factor * e.rows(0, m);
         e.rows_mut(0, m).copy_from(&whitened_anew(x));
         let mut tangent = self.whitened.tangent.clone();
@@ -120,9 +126,19 @@ impl<'a> Noise<'a> {
         leftover(&range_of(&tangent), &e.column(0).into_owned())
     }
 
-    /// One whitened residual without any effect (M).
-    pub(super) fn draw(&self, stream: &mut Stream) -> DVector<f64> {
-        let mut e = DVector::from_fn(self.whitened.len(), |_, _| stream.normal());
+    /// One whitened residual without any effect (M), and the T₀ of the same draw as normal noise, which is χ² of d.
+    pub(super) fn draw(&self, stream: &mut Stream) -> (DVector<f64>, f64) {
+        let e = self.normal(stream);
+        let plain = leftover(&self.range, &e);
+        (self.stretched(e, stream), plain)
+    }
+
+    fn normal(&self, stream: &mut Stream) -> DVector<f64> {
+        DVector::from_fn(self.whitened.len(), |_, _| stream.normal())
+    }
+
+    /// Normal noise with the tails of a Σ that was estimated.
+    fn stretched(&self, mut e: DVector<f64>, stream: &mut Stream) -> DVector<f64> {
         if !self.heavy {
             return e;
         }
@@ -198,11 +214,15 @@ fn leftover(range: &DMatrix<f64>, e: &DVector<f64>) -> f64 {
     (e.norm_squared() - range.tr_mul(e).norm_squared()).max(0.0)
 }
 
-/// Upper critical value of a simulated distribution.
-fn upper(mut values: Vec<f64>, level: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let rank = libm::ceil((1.0 - level) * (values.len() + 1) as f64) as usize;
-    values.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+/// How much larger `wanted` (by place in an ascending order) is than the sorted values around their critical value at
+/// `level`: the mean ratio of the order statistics between twice and half that level. 1 where there are none.
+pub(super) fn tail_ratio(wanted: impl Fn(usize) -> f64, sorted: &[f64], level: f64) -> f64 {
+    let place = |level: f64| (libm::ceil((1.0 - level) * (sorted.len() + 1) as f64) as usize).saturating_sub(1);
+    let places = place((2.0 * level).min(1.0))..=place(0.5 * level).min(sorted.len().saturating_sub(1));
+    let ratios: Vec<f64> =
+        places.filter(|i| sorted.get(*i).is_some_and(|value| *value > 0.0)).map(|i| wanted(i) / sorted[i]).collect();
+    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+    if mean.is_finite() && mean > 0.0 { mean } else { 1.0 }
 }
 
 #[cfg(test)]
