@@ -2,7 +2,8 @@
 //!
 //! Metamodels trained over the whole space can be wrong by several standard errors of a measurement at an optimum, in their
 //! slopes too, and more runs at the optimum itself tell neither. So the region that the fit leaves open is sampled, the
-//! metamodels learn what was seen, and the fit is repeated; the region follows the optimum until that lies well inside.
+//! metamodels learn what was seen, and the fit is repeated; the region follows the optimum, near or far, until that lies well inside
+//! one that was looked at.
 
 use super::anchors::{point_at, strength_at, with_more};
 use super::evidence::Evidence;
@@ -16,7 +17,7 @@ use crate::stats::points::Points;
 use nalgebra::DVector;
 
 /// Most regions that are looked at, one after the other.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 6;
 /// Half width of a region in standard errors of the fit.
 const WIDTH: f64 = 4.0;
 /// The least and the largest half width, in the unit cube.
@@ -92,18 +93,17 @@ pub struct Seen {
 }
 
 impl Look<'_> {
-    /// Looks at the region of `fit`, the optimum of `surface`, until the optimum stays inside.
+    /// Looks at the region of `fit`, the optimum of `surface`, and at that of the next optimum, until it lies in one that
+    /// was looked at.
     pub fn settle(&self, lab: &mut Lab, mut surface: Surface, mut fit: GlsFit) -> Result<Seen, StageError> {
-        let mut runs: Vec<Run> = Vec::new();
-        for round in 1..=ROUNDS {
+        let (mut runs, mut regions): (Vec<Run>, Vec<Region>) = (Vec::new(), Vec::new());
+        while regions.len() < ROUNDS && !regions.iter().any(|region| region.holds(&fit.parameters)) {
             let region = Region::around(&fit);
-            let more = self.run(lab, &region, round)?;
+            let more = self.run(lab, &region, regions.len() + 1)?;
             surface = surface.knowing(&more);
             runs.extend(more);
+            regions.push(region);
             fit = self.fit(&surface, &fit.parameters)?;
-            if region.holds(&fit.parameters) {
-                break;
-            }
         }
         Ok(Seen { surface, fit, runs })
     }
@@ -132,7 +132,7 @@ impl Look<'_> {
     fn fit(&self, surface: &Surface, known: &DVector<f64>) -> Result<GlsFit, StageError> {
         let starts = [&[known.as_slice().to_vec()], self.starts.as_slice()].concat();
         let first = self.weights.at(surface, known);
-        Ok(fit::two_passes(surface, self.evidence, self.weights, (&first, &starts), self.parameters)?.0)
+        Ok(fit::two_passes(surface, self.evidence, self.weights, (&first, &starts), self.parameters)?.fit)
     }
 }
 

@@ -16,7 +16,7 @@ use crate::stats::metamodel::{Metamodel, Observations, Prediction, Response};
 use crate::stats::points::Points;
 use crate::stats::special::trigamma;
 use crate::stats::summary::{ln_sd, mean, sd};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 /// Metamodels of every statistic of the evidence.
@@ -351,7 +351,7 @@ impl Weights<'_> {
         let responses: Vec<Response> = predictions.into_iter().map(Response::from).collect();
         let rows = surface.rows_of(&responses, x);
         let residual = DVector::from_fn(values.len(), |i, _| values[i] - rows[i].0);
-        let misfit = residual.dot(&factor.solve(&residual)) + 2.0 * factor.l().diagonal().map(libm::log).sum();
+        let misfit = residual.dot(&factor.solve(&residual)) + ln_det(&factor);
         let off = |(parameter, place): (&Parameter, &f64)| {
             parameter.prior.map_or(0.0, |prior| (place - prior.mean) * (place - prior.mean) / (prior.sd * prior.sd))
         };
@@ -364,22 +364,57 @@ impl Weights<'_> {
     }
 }
 
-/// The best fit over metamodels from several starts; their error is taken at `known`, then at the optimum of that first
-/// pass. `parameters` makes the parameters that start at a point. The covariance of the result allows for the error of the
-/// slopes.
+/// A fit over metamodels with the covariance behind it.
+pub struct Fitted {
+    /// The fit.
+    pub fit: GlsFit,
+    /// Covariance of what is measured less what is predicted, with the metamodels' error near the optimum (m × m).
+    pub covariance: DMatrix<f64>,
+    /// −2 ln of the likelihood with the priors, up to a constant.
+    pub misfit: f64,
+}
+
+/// The likeliest fit over metamodels from several starts. From each their error is taken at `known` first, then at the
+/// optimum of that first pass, and optima are compared by the likelihood with the error at their own place: one far from all
+/// runs would be lost by the small error near them. `parameters` makes the parameters that start at a point. The
+/// covariance of the result allows for the error of the slopes.
 pub fn two_passes(
     surface: &Surface,
     evidence: &Evidence,
     weights: Weights,
     (known, starts): (&DMatrix<f64>, &[Vec<f64>]),
     parameters: impl Fn(&[f64]) -> Vec<Parameter>,
-) -> Result<(GlsFit, DMatrix<f64>), StageError> {
-    let first = best(surface, evidence, known, starts, &parameters)?;
-    let covariance = weights.at(surface, &first.parameters);
-    let start = first.parameters.as_slice().to_vec();
-    let fit = best(surface, evidence, &covariance, std::slice::from_ref(&start), &parameters)?;
-    let slopes = surface.slopes(&fit.parameters, weights.correlation);
-    Ok((with_slope_errors(fit, &slopes, &covariance, &parameters(&start)), covariance))
+) -> Result<Fitted, StageError> {
+    let fit = |covariance: &DMatrix<f64>, start: &[f64]| {
+        gls(|x| surface.predict(x), &evidence.values, covariance, &parameters(start))
+    };
+    let (mut seen, mut best): (Vec<DVector<f64>>, Option<Fitted>) = (Vec::new(), None);
+    for start in starts {
+        let first = fit(known, start)?.parameters;
+        if seen.iter().any(|x| (x - &first).amax() < SAME) {
+            continue;
+        }
+        let covariance = weights.at(surface, &first);
+        let fit = fit(&covariance, first.as_slice())?;
+        seen.push(first);
+        let ln_det = covariance.clone().cholesky().map_or(f64::INFINITY, |factor| ln_det(&factor));
+        let misfit = fit.chi2 + ln_det;
+        if best.as_ref().is_none_or(|best| misfit < best.misfit) {
+            best = Some(Fitted { fit, covariance, misfit });
+        }
+    }
+    let best = best.ok_or(StageError::Input { what: "there is no start for the fit".into(), remedy: "report this" })?;
+    let slopes = surface.slopes(&best.fit.parameters, weights.correlation);
+    let priors = parameters(best.fit.parameters.as_slice());
+    Ok(Fitted { fit: with_slope_errors(best.fit, &slopes, &best.covariance, &priors), ..best })
+}
+
+/// Two optima nearer than this in every coordinate of the unit cube are one.
+const SAME: f64 = 1e-3;
+
+/// ln det of a factorised matrix.
+fn ln_det(factor: &Cholesky<f64, Dyn>) -> f64 {
+    2.0 * factor.l_dirty().diagonal().map(libm::log).sum()
 }
 
 /// Variance of what is only known to lie within the unit interval.
@@ -416,24 +451,6 @@ pub fn starts(p: usize) -> Vec<Vec<f64>> {
     let corner = |index: usize| (0..p).map(|d| if index >> d & 1 == 1 { 0.8 } else { 0.2 }).collect::<Vec<f64>>();
     let corners = if p <= 6 { 1 << p } else { 0 };
     std::iter::once(vec![0.5; p]).chain((0..corners).map(corner)).collect()
-}
-
-/// The best fit of `surface` from several starts; `parameters` makes the parameters that start at a point.
-fn best(
-    surface: &Surface,
-    evidence: &Evidence,
-    covariance: &DMatrix<f64>,
-    starts: &[Vec<f64>],
-    parameters: impl Fn(&[f64]) -> Vec<Parameter>,
-) -> Result<GlsFit, StageError> {
-    let mut best: Option<GlsFit> = None;
-    for start in starts {
-        let fit = gls(|x| surface.predict(x), &evidence.values, covariance, &parameters(start))?;
-        if best.as_ref().is_none_or(|best| fit.chi2 < best.chi2) {
-            best = Some(fit);
-        }
-    }
-    best.ok_or(StageError::Input { what: "there is no start for the fit".into(), remedy: "report this" })
 }
 
 /// Weighted least squares with the errors of this stage.

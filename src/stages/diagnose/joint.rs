@@ -13,7 +13,7 @@
 use super::anchors::{Anchors, place_of, strength_at};
 use super::closer::{Look, Run, Seen};
 use super::direct;
-use super::fit::{self, Surface, Weights};
+use super::fit::{self, Fitted, Surface, Weights};
 use super::lab::Lab;
 use super::moments::Moment;
 use super::verdict::Case;
@@ -91,10 +91,7 @@ impl Contender {
         let mut contender =
             Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false, posterior: Vec::new() };
         contender.misfit = match &contender.surface {
-            Ok(surface) => {
-                let (fit, covariance) = contender.optimum(case, surface)?;
-                covariance.cholesky().map(|factor| fit.chi2 + 2.0 * factor.l().diagonal().map(libm::log).sum())
-            }
+            Ok(surface) => Some(contender.optimum(case, surface)?.misfit),
             Err(_) => None,
         };
         Ok(contender)
@@ -191,7 +188,7 @@ impl Contender {
     /// The joint optimum over the model as it stands; `None` without a model.
     pub fn fit(&self, case: &Case) -> Result<Option<JointFit>, StageError> {
         let Ok(surface) = &self.surface else { return Ok(None) };
-        Ok(Some(self.joint(case, self.optimum(case, surface)?.0)))
+        Ok(Some(self.joint(case, self.optimum(case, surface)?.fit)))
     }
 
     /// Samples parameters and strength given the data. The optimum alone would be judged by the metamodels' error there,
@@ -238,8 +235,8 @@ impl Contender {
         JointFit { fit, u, strength }
     }
 
-    /// The optimum of the metamodels, and the covariance behind it.
-    fn optimum(&self, case: &Case, surface: &Surface) -> Result<(GlsFit, DMatrix<f64>), StageError> {
+    /// The optimum of the metamodels.
+    fn optimum(&self, case: &Case, surface: &Surface) -> Result<Fitted, StageError> {
         let noise = self.tie.as_ref().map_or(&case.noise.covariance, |tie| &tie.noise);
         let weights = Weights { noise, correlation: &case.shape.correlation };
         let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| weights.at(surface, &tie.x));

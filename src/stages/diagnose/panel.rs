@@ -101,7 +101,7 @@ impl<'a> Panel<'a> {
         let start = [known.optimum.as_slice().to_vec()];
         let parameters = |start: &[f64]| fit::parameters(known.context.config, set, start);
         let first = weights.at(&self.surface, &known.optimum);
-        let fitted = fit::two_passes(&self.surface, &evidence, weights, (&first, &start), parameters)?.0;
+        let fitted = fit::two_passes(&self.surface, &evidence, weights, (&first, &start), parameters)?.fit;
         let trends = |i: usize| if evidence.statistics[i].moment == Moment::Trend { 0.0 } else { 1.0 };
         let all = self.surface.uncertainty(&fitted.parameters, &shape.correlation);
         let covariance = DMatrix::from_fn(all.nrows(), all.ncols(), |i, j| trends(i) * trends(j) * all[(i, j)]);

@@ -161,7 +161,7 @@ pub fn prepare<'a>(
     let parameters = |start: &[f64]| fit::parameters(context.config, set, start);
     let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
     let starts = fit::starts(context.config.parameters.len());
-    let fit = fit::two_passes(&surface, &evidence, weights, (&noise.covariance, &starts), parameters)?.0;
+    let fit = fit::two_passes(&surface, &evidence, weights, (&noise.covariance, &starts), parameters)?.fit;
     let look = Look {
         context,
         evidence: &evidence,
