@@ -4,8 +4,8 @@
 
 use granulake::rng::Stream;
 use granulake::stats::attribution::{
-    Attribution, Candidate, Nuisance, Options, Parameter, Prior, Problem, Proposal, Row, RowKind, Signature, Status,
-    TestMethod, Verdict, attribute,
+    Attribution, Candidate, Correlations, Nuisance, Options, Parameter, Prior, Problem, Proposal, Row, RowKind,
+    Signature, Status, TestMethod, Verdict, attribute,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -42,7 +42,14 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
 fn world() -> Problem {
     let mut stream = Stream::new(2022, "attribution world");
     let rows = (0..M)
-        .map(|i| Row { name: format!("observable {i}"), kind: RowKind::Mean, count: 20, measured_share: 0.0, group: i })
+        .map(|i| Row {
+            name: format!("observable {i}"),
+            kind: RowKind::Mean,
+            count: 20,
+            measured_share: 0.0,
+            group: i,
+            correlations: None,
+        })
         .collect();
     let mix = DMatrix::from_fn(M, M, |i, j| if i == j { 1.0 + 0.1 * i as f64 } else { 0.2 * stream.normal() });
     let covariance = &mix * mix.transpose();
@@ -429,12 +436,14 @@ fn a_bent_signature_is_judged_at_the_fitted_strength() {
 }
 
 /// Quiet verdicts, and alarms that χ² would have raised, in worlds without effect whose Σ comes from `n` repetitions of
-/// tests with `size` observables each.
-fn alarms_with_estimated_covariance(n: usize, size: usize, draws: usize) -> (usize, usize) {
+/// tests with `size` observables each; `mark` says so of every row.
+fn alarms_with_estimated_covariance(
+    (n, size): (usize, usize),
+    draws: usize,
+    mark: impl Fn(usize, &mut Row),
+) -> (usize, usize) {
     let mut problem = world();
-    for (i, row) in problem.rows.iter_mut().enumerate() {
-        (row.count, row.measured_share, row.group) = (n, 1.0, i / size);
-    }
+    problem.rows.iter_mut().enumerate().for_each(|(i, row)| mark(i, row));
     let mut stream = Stream::new(18, "few repetitions");
     let (mut quiet, mut by_chi2) = (0, 0);
     for _ in 0..draws {
@@ -458,10 +467,28 @@ fn alarms_with_estimated_covariance(n: usize, size: usize, draws: usize) -> (usi
 fn few_repetitions_do_not_raise_false_alarms() {
     const DRAWS: usize = 400;
     for (n, size, wolf) in [(4, 1, 0.25), (12, 4, 0.15), (20, 4, 0.08)] {
-        let (quiet, by_chi2) = alarms_with_estimated_covariance(n, size, DRAWS);
+        let measured = |i: usize, row: &mut Row| (row.count, row.measured_share, row.group) = (n, 1.0, i / size);
+        let (quiet, by_chi2) = alarms_with_estimated_covariance((n, size), DRAWS, measured);
         let rate = quiet as f64 / DRAWS as f64;
         // Sd 1.1 % from 400 data sets, and 1.5 % from each of the three simulated critical values of 200 draws.
         assert!((rate - 0.95).abs() < 0.05, "n = {n}, {size} per test: quiet {rate}");
+        assert!(by_chi2 as f64 > wolf * DRAWS as f64, "n = {n}, {size} per test: χ² alarmed {by_chi2} times only");
+    }
+}
+
+/// Correlations of the observables of a test come from simulated repetitions, of which there are more, but not so many that
+/// their inverse were exact.
+#[test]
+fn correlations_from_simulated_repetitions_do_not_raise_false_alarms() {
+    const DRAWS: usize = 400;
+    for (n, size, wolf) in [(61, 12, 0.1), (121, 12, 0.06)] {
+        let mark = |i: usize, row: &mut Row| {
+            row.correlations = Some(Correlations { group: i / size, dof: n - 1 });
+        };
+        let (quiet, by_chi2) = alarms_with_estimated_covariance((n, size), DRAWS, mark);
+        let rate = quiet as f64 / DRAWS as f64;
+        // Sd 1.1 % from 400 data sets, and 0.7 % from each of the two simulated critical values of 200 draws.
+        assert!((rate - 0.95).abs() < 0.035, "n = {n}, {size} per test: quiet {rate}");
         assert!(by_chi2 as f64 > wolf * DRAWS as f64, "n = {n}, {size} per test: χ² alarmed {by_chi2} times only");
     }
 }

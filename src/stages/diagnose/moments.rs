@@ -53,6 +53,8 @@ pub struct Batch {
     series: BTreeMap<(String, String), Series>,
     /// Repetitions of one laboratory series, after which what drifts begins anew; 0 = one series of any length.
     length: u32,
+    /// Number of points whose own mean was taken off; 0 = the values are as they were seen.
+    points: usize,
 }
 
 /// A straight line over the repetitions of a series.
@@ -110,6 +112,7 @@ impl Batch {
                 all.series.entry(key.clone()).or_default().extend(scaled);
             }
         }
+        all.points = points.len();
         all
     }
 
@@ -225,6 +228,8 @@ pub struct Shape {
     /// Variance of ln s of every statistic's observable over that of normal values, (κ − 1)/2, at least 1: short batches
     /// do not see the ends of a tail.
     tails: Vec<f64>,
+    /// Degrees of freedom behind the correlations of every statistic.
+    pub correlated: Vec<usize>,
 }
 
 impl Shape {
@@ -232,30 +237,34 @@ impl Shape {
     /// independent of each other, and trends of means and scatters.
     pub fn pooled(batches: &[&Batch], statistics: &[Statistic]) -> Option<Self> {
         let m = statistics.len();
-        let (mut correlation, mut tails) = (DMatrix::zeros(m, m), vec![1.0; m]);
+        let (mut correlation, mut tails, mut correlated) = (DMatrix::zeros(m, m), vec![1.0; m], vec![0; m]);
         let group = |i: usize| (&statistics[i].experiment, statistics[i].moment == Moment::Trend);
         for first in (0..m).filter(|i| (0..*i).all(|j| group(j) != group(*i))) {
             let members: Vec<usize> = (first..m).filter(|i| group(*i) == group(first)).collect();
             let own: Vec<&Statistic> = members.iter().map(|i| &statistics[*i]).collect();
             let all: Vec<_> = batches.iter().map(|batch| batch.influences(&own)).collect();
             let freedom = all.iter().map(|rows| rows.len().saturating_sub(1)).sum::<usize>() as f64;
+            let means_off = |(rows, batch): (&Vec<_>, &&Batch)| rows.len().saturating_sub(batch.points.max(1));
+            let dof = all.iter().zip(batches).map(means_off).sum();
             let sum = |f: &dyn Fn(&[DVector<f64>; 2]) -> f64| all.iter().flatten().map(f).sum::<f64>();
             for (a, i) in members.iter().enumerate() {
                 for (b, j) in members.iter().enumerate() {
                     correlation[(*i, *j)] = sum(&|row| row[0][a] * row[0][b]);
                 }
                 tails[*i] = (2.0 * sum(&|row| row[1][a] * row[1][a]) / freedom).max(1.0);
+                correlated[*i] = dof;
             }
         }
         let sizes: Vec<f64> = correlation.diagonal().iter().map(|square: &f64| square.sqrt()).collect();
         let scaled = DMatrix::from_fn(m, m, |i, j| correlation[(i, j)] / (sizes[i] * sizes[j]));
-        sizes.iter().all(|size| *size > 0.0).then_some(Self { correlation: scaled, tails })
+        sizes.iter().all(|size| *size > 0.0).then_some(Self { correlation: scaled, tails, correlated })
     }
 
     /// The shape of the statistics `kept` alone.
     pub fn restricted(&self, kept: &[usize]) -> Self {
         let correlation = self.correlation.select_rows(kept).select_columns(kept);
-        Self { correlation, tails: kept.iter().map(|i| self.tails[*i]).collect() }
+        let (tails, correlated) = kept.iter().map(|i| (self.tails[*i], self.correlated[*i])).unzip();
+        Self { correlation, tails, correlated }
     }
 
     /// Variance of ln s of statistic `i` from n repetitions: ψ₁(ν/2)/4 for normal values.

@@ -14,7 +14,9 @@ use super::{Tables, proposals, rows};
 use crate::config::{Accept, Measured, MeasuredSource, Resolution};
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
-use crate::stats::attribution::{Attribution, Candidate, Options, Problem, Proposal, Row, RowKind, Verdict, attribute};
+use crate::stats::attribution::{
+    Attribution, Candidate, Correlations, Options, Problem, Proposal, Row, RowKind, Verdict, attribute,
+};
 use nalgebra::{DMatrix, DVector};
 
 /// How many candidates must stand on direct runs before there is a verdict.
@@ -283,8 +285,17 @@ pub fn attributed(
         count: case.evidence.counts[index],
         measured_share: case.noise.measured_share[index] * case.noise.covariance[(index, index)]
             / case.covariance()[(index, index)],
-        // Correlations come from the many simulated repetitions, so every row stands for itself.
         group: index,
+        // Tests are independent of each other.
+        correlations: Some(Correlations {
+            group: case
+                .evidence
+                .statistics
+                .iter()
+                .position(|other| other.experiment == statistic.experiment)
+                .unwrap_or(index),
+            dof: case.shape.correlated[index],
+        }),
     };
     let problem = Problem {
         rows: statistics.map(row).collect(),

@@ -67,6 +67,17 @@ pub struct Row {
     /// observables of one test; the more rows such a group has, the less its estimate can be trusted. Rows whose mutual
     /// covariance was not estimated belong to groups of their own.
     pub group: usize,
+    /// Where the correlations with other rows were estimated from simulated repetitions.
+    pub correlations: Option<Correlations>,
+}
+
+/// Correlations among rows of one group that were estimated together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Correlations {
+    /// The group, such as a test.
+    pub group: usize,
+    /// Degrees of freedom of the estimate.
+    pub dof: usize,
 }
 
 /// Normal prior of a parameter, in its unit.

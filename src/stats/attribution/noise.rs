@@ -2,33 +2,43 @@
 //!
 //! Takes the rows of a problem; gives draws of the residual without any effect. Where Σ was estimated from few
 //! repetitions, its own scatter makes large residuals likelier than χ² says: each group of rows gets the factor
-//! ν/χ²(ν − p + 1) that turns χ² into Hotelling's T². That would be exact without a fit. A fit gives most weight to the
+//! ν/χ²(ν − p + 1) that turns χ² into Hotelling's T². The variance of a row from its measured repetitions is one such group,
+//! the correlations of a test from its simulated ones another. That would be exact without a fit. A fit gives most weight to the
 //! rows whose variance was underestimated and so absorbs part of it; one factor on all draws corrects this, such that
 //! their T₀ has the critical value of a full bootstrap in which Σ is redrawn, whitened anew and refitted.
 
 use super::geometry::{Whitened, range_of, whiten, whiten_vector};
-use super::{Options, Problem, RowKind};
+use super::{Correlations, Options, Problem, RowKind};
 use crate::rng::Stream;
 use nalgebra::{DMatrix, DVector};
 
 /// Noise of the whitened residual.
 pub(super) struct Noise<'a> {
     whitened: &'a Whitened,
-    /// Share of the variance of each observable in use that was estimated from few repetitions.
-    shares: Vec<f64>,
     groups: Vec<Group>,
     /// What calibration reaches of the whitened rows.
     range: DMatrix<f64>,
     /// Factor on all draws.
     scale: f64,
-    /// Whether some variance was estimated from few repetitions.
+    /// Whether some covariance was estimated.
     pub heavy: bool,
+}
+
+/// What a covariance was estimated from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Source {
+    /// Measured repetitions of a group of rows of one kind.
+    Measured(usize, RowKind),
+    /// Simulated repetitions of a group of rows.
+    Simulated(usize),
 }
 
 /// Observables whose covariance was estimated from the same repetitions.
 struct Group {
-    id: (usize, RowKind),
+    id: Source,
     rows: Vec<usize>,
+    /// Share of the variance of every row that was estimated from them.
+    shares: Vec<f64>,
     /// Degrees of freedom ν of the estimate.
     dof: usize,
 }
@@ -45,25 +55,28 @@ impl Group {
 impl<'a> Noise<'a> {
     pub(super) fn new(problem: &Problem, whitened: &'a Whitened, options: &Options) -> Self {
         let mut groups: Vec<Group> = Vec::new();
-        let mut shares = vec![0.0; whitened.kept.len()];
-        for (i, row) in whitened.kept.iter().map(|index| &problem.rows[*index]).enumerate() {
-            // The variance of a logarithm of a standard deviation is known, not estimated.
-            if row.count >= options.simulate_below || row.measured_share <= 0.0 || row.kind == RowKind::LnSd {
-                continue;
-            }
-            shares[i] = row.measured_share.min(1.0);
-            let fitted = if row.kind == RowKind::Trend { 2 } else { 1 };
-            let (id, dof) = ((row.group, row.kind), row.count.saturating_sub(fitted).max(1));
-            match groups.iter_mut().find(|group| group.id == id) {
+        let mut add =
+            |id: Source, row: usize, share: f64, dof: usize| match groups.iter_mut().find(|group| group.id == id) {
                 Some(group) => {
-                    group.rows.push(i);
+                    group.rows.push(row);
+                    group.shares.push(share);
                     group.dof = group.dof.min(dof);
                 }
-                None => groups.push(Group { id, rows: vec![i], dof }),
+                None => groups.push(Group { id, rows: vec![row], shares: vec![share], dof }),
+            };
+        for (i, row) in whitened.kept.iter().map(|index| &problem.rows[*index]).enumerate() {
+            if let Some(Correlations { group, dof }) = row.correlations {
+                add(Source::Simulated(group), i, 1.0, dof.max(1));
+            }
+            // The variance of a logarithm of a standard deviation is known, not estimated.
+            if row.count < options.simulate_below && row.measured_share > 0.0 && row.kind != RowKind::LnSd {
+                let fitted = if row.kind == RowKind::Trend { 2 } else { 1 };
+                let dof = row.count.saturating_sub(fitted).max(1);
+                add(Source::Measured(row.group, row.kind), i, row.measured_share.min(1.0), dof);
             }
         }
         let range = range_of(&whitened.tangent);
-        let mut noise = Self { whitened, heavy: !groups.is_empty(), shares, groups, range, scale: 1.0 };
+        let mut noise = Self { whitened, heavy: !groups.is_empty(), groups, range, scale: 1.0 };
         if noise.heavy {
             noise.scale = noise.calibrated(options);
         }
@@ -95,7 +108,7 @@ impl<'a> Noise<'a> {
         let sigma = self.sigma();
         let block = |group: &Group| {
             let whole = sigma.select_rows(&group.rows).select_columns(&group.rows);
-            let size = |i: usize| self.shares[group.rows[i]].sqrt();
+            let size = |i: usize| group.shares[i].sqrt();
             let estimated = DMatrix::from_fn(whole.nrows(), whole.ncols(), |i, j| size(i) * size(j) * whole[(i, j)]);
             // Principal blocks of a positive definite matrix, also scaled, are positive definite.
             let factor = |a: &DMatrix<f64>| a.clone().cholesky().map(|c| c.l());
@@ -106,13 +119,13 @@ impl<'a> Noise<'a> {
 
     /// T₀ of normal noise whose Σ was estimated anew.
     fn refitted(&self, e: DVector<f64>, blocks: &[Block], stream: &mut Stream) -> f64 {
-        let m = self.shares.len();
+        let m = self.whitened.factor.nrows();
         let turns: Vec<DMatrix<f64>> =
             self.groups.iter().zip(blocks).map(|(group, block)| block.rewhitened(group.dof, stream)).collect();
         let whitened_anew = |a: DMatrix<f64>| {
-            let mut turned = a.clone();
+            let mut turned = a;
             for (group, turn) in self.groups.iter().zip(&turns) {
-                let part = turn * a.select_rows(&group.rows);
+                let part = turn * turned.select_rows(&group.rows);
                 group.rows.iter().enumerate().for_each(|(i, row)| turned.set_row(*row, &part.row(i)));
             }
             whiten(&self.whitened.factor, &turned)
@@ -142,12 +155,12 @@ impl<'a> Noise<'a> {
         if !self.heavy {
             return e;
         }
-        let m = self.shares.len();
+        let m = self.whitened.factor.nrows();
         let mut x = &self.whitened.factor * e.rows(0, m);
         for group in &self.groups {
             let stretch = group.stretch(stream);
-            for i in &group.rows {
-                x[*i] *= (1.0 + self.shares[*i] * (stretch - 1.0)).sqrt();
+            for (i, share) in group.rows.iter().zip(&group.shares) {
+                x[*i] *= (1.0 + share * (stretch - 1.0)).sqrt();
             }
         }
         let back = whiten_vector(&self.whitened.factor, x.as_slice());
