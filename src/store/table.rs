@@ -38,11 +38,11 @@ pub fn index(spec: &TableSpec) -> String {
 /// Repetitions in one part, at most.
 const MOST_REPETITIONS: u32 = 64;
 /// Runs in one part, at most, unless one repetition has more.
-const MOST_RUNS: u32 = 1 << 14;
+const MOST_RUNS: u32 = 1 << 13;
 
 /// The repetitions 1..=`last` of `points` points in blocks, each a part of a table: as many of the largest size as there
-/// are, then the rest by its binary digits. The largest is 64 repetitions or the power of two that has at most 16,384 runs. So
-/// one repetition more writes one repetition or merges a few small blocks, never more than the largest.
+/// are, then the rest by its binary digits. The largest is 64 repetitions or the power of two that has at most 8,192 runs, at
+/// least one. So one repetition more writes one repetition or merges a few small blocks, never more than the largest.
 pub fn blocks(last: u32, points: usize) -> Vec<RangeInclusive<u32>> {
     let points = u32::try_from(points).unwrap_or(u32::MAX).max(1);
     let largest = MOST_REPETITIONS.min(1 << (MOST_RUNS / points).max(1).ilog2());
@@ -225,9 +225,9 @@ mod tests {
         let sizes = |last, points| blocks(last, points).iter().map(|block| block.clone().count()).collect::<Vec<_>>();
         assert_eq!(sizes(0, 127), [0; 0]);
         assert_eq!((sizes(3, 127), sizes(50, 127), sizes(64, 127)), (vec![2, 1], vec![32, 16, 2], vec![64]));
-        assert_eq!(sizes(135, 256), [64, 64, 4, 2, 1]);
-        assert_eq!((sizes(5, 6350), sizes(2, 1_000_000)), (vec![2, 2, 1], vec![1, 1]));
-        for points in [100, 6350] {
+        assert_eq!((sizes(135, 128), sizes(135, 256)), (vec![64, 64, 4, 2, 1], vec![32, 32, 32, 32, 4, 2, 1]));
+        assert_eq!((sizes(5, 2048), sizes(2, 6350)), (vec![4, 1], vec![1, 1]));
+        for points in [100, 2048] {
             let mut written = 0;
             for last in 1..1000 {
                 let (now, next) = (blocks(last, points), blocks(last + 1, points));
