@@ -3,7 +3,8 @@
 //! Takes the rows of a problem; gives draws of the residual without any effect. Where Σ was estimated from few
 //! repetitions, its own scatter makes large residuals likelier than χ² says: each group of rows gets the factor
 //! ν/χ²(ν − p + 1) that turns χ² into Hotelling's T². The variance of a row from its measured repetitions is one such group,
-//! the correlations of a test from its simulated ones another. That would be exact without a fit. A fit gives most weight to the
+//! the correlations of a test from its simulated ones another, whose block is taken as a Wishart draw as a whole: an
+//! assumption, since observables are not quite normal and variances of ln s are known. That would be exact without a fit. A fit gives most weight to the
 //! rows whose variance was underestimated and so absorbs part of it; one factor on all draws corrects this, such that
 //! their T₀ has the critical value of a full bootstrap in which Σ is redrawn, whitened anew and refitted.
 
