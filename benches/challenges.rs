@@ -12,7 +12,7 @@ use granulake::experiments::EXPERIMENTS;
 use granulake::pipeline::Study;
 use granulake::rng::Stream;
 use granulake::stages::{Context, Panel, PanelRows};
-use granulake::stats::special::beta_i;
+use granulake::stats::summary::clopper_pearson;
 use granulake::tables::KpiRow;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -55,21 +55,36 @@ fn main() -> Result<(), Failed> {
     };
     let counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
     let panels: u32 = panels.parse()?;
-    let plan = Plan { pool: pool.parse()?, sets: sets.parse::<u32>()? / panels.max(1), counts, panels };
+    let plan = Plan { pool: pool.parse()?, sets: sets.parse::<u32>()? / panels.max(1), counts };
     let study = Study::load(&Path::new(folder).join("pipeline.toml"))?;
     let campaign = study.campaign(Options { progress: false, ..Options::default() })?;
     let mut book = Book::open(Path::new(folder).join("rates.csv"))?;
-    for (name, place) in THETAS.iter().take(thetas.parse()?) {
-        for (effect, left_out) in TRUTHS {
-            let known = effect.is_none_or(|(name, _)| study.config.diagnose.candidates.iter().any(|c| c == name));
-            if known {
-                let truth = Hidden { theta: name, place, effect: *effect, left_out: *left_out };
-                truth.cells(&study, &campaign, &plan, &mut book)?;
-            }
+    let places = &THETAS[..THETAS.len().min(thetas.parse()?)];
+    // Every truth has its first panel before any has its second.
+    for panel in 1..=panels {
+        for truth in places.iter().flat_map(|place| hidden(&study.config, place)) {
+            truth.cells(&study, &campaign, (&plan, panel), &mut book)?;
         }
     }
     book.print();
     Ok(())
+}
+
+/// What is hidden at a place: the truths that the study has among its candidates.
+fn hidden<'t>(
+    config: &Config,
+    (theta, place): &'t (&'static str, [f64; 3]),
+) -> impl Iterator<Item = Hidden<'t>> + use<'t> {
+    let candidates = config.diagnose.candidates.clone();
+    let known = move |effect: &Option<(&str, f64)>| effect.is_none_or(|(name, _)| candidates.iter().any(|c| c == name));
+    let truths = TRUTHS.iter().filter(move |(effect, _)| known(effect));
+    truths.map(move |(effect, left_out)| Hidden { theta, place, effect: *effect, left_out: *left_out })
+}
+
+/// What the verdicts of a line were made by: a later form of engine or diagnosis does its cells anew.
+fn form() -> String {
+    let diagnosis = granulake::stages::find("diagnose").map_or(0, |stage| stage.version);
+    format!("physics {} diagnose {diagnosis}", granulake::dem::PHYSICS_VERSION)
 }
 
 /// Sizes.
@@ -78,7 +93,6 @@ struct Plan {
     /// Sets of every panel in a cell.
     sets: u32,
     counts: Vec<u32>,
-    panels: u32,
 }
 
 /// One truth.
@@ -105,7 +119,8 @@ impl Hidden<'_> {
     fn key(&self, cell: &Cell, plan: &Plan) -> String {
         let without = cell.without.unwrap_or("-");
         let Cell { panel, count, evidence, .. } = cell;
-        format!("{},{},{count},{evidence},{without},{panel},{}", self.theta, self.name(), plan.sets)
+        let Plan { pool, sets, .. } = plan;
+        format!("{},{},{},{count},{evidence},{without},{panel},{pool},{sets}", form(), self.theta, self.name())
     }
 
     fn parameters(&self, config: &Config) -> Values {
@@ -115,25 +130,28 @@ impl Hidden<'_> {
         config.parameters.iter().zip(self.place).map(value).collect()
     }
 
-    /// All cells of this truth that the book lacks.
-    fn cells(&self, study: &Study, campaign: &Campaign, plan: &Plan, book: &mut Book) -> Result<(), Failed> {
+    /// All cells of a panel of this truth that the book lacks.
+    fn cells(
+        &self,
+        study: &Study,
+        campaign: &Campaign,
+        (plan, panel): (&Plan, u32),
+        book: &mut Book,
+    ) -> Result<(), Failed> {
+        let missing: Vec<Cell> =
+            self.cells_of(panel, plan).into_iter().filter(|cell| !book.has(&self.key(cell, plan))).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        eprintln!("{} at {}, panel {panel}: {} cells", self.name(), self.theta, missing.len());
         let effects: Values = self.effect.iter().map(|(name, strength)| ((*name).to_owned(), *strength)).collect();
         let truth = Truth { parameters: self.parameters(&study.config), effects, scale: Vec::new() };
         let measure = |repetitions, seed| {
             truth.measure(&study.config, campaign, &study.config.experiments(), (repetitions, 50), seed)
         };
-        for panel in 1..=plan.panels {
-            let missing: Vec<Cell> =
-                self.cells_of(panel, plan).into_iter().filter(|cell| !book.has(&self.key(cell, plan))).collect();
-            if missing.is_empty() {
-                continue;
-            }
-            eprintln!("{} at {}, panel {panel}: {} cells", self.name(), self.theta, missing.len());
-            let (pool, first) = (measure(plan.pool, SEEDS[0])?, measure(REFERENCE, SEEDS[1] + u64::from(panel))?);
-            campaign.compact()?;
-            self.panel(study, campaign, (&pool, &first), (&missing, plan, book))?;
-        }
-        Ok(())
+        let (pool, first) = (measure(plan.pool, SEEDS[0])?, measure(REFERENCE, SEEDS[1] + u64::from(panel))?);
+        campaign.compact()?;
+        self.panel(study, campaign, (&pool, &first), (&missing, plan, book))
     }
 
     fn cells_of(&self, panel: u32, plan: &Plan) -> Vec<Cell> {
@@ -360,60 +378,41 @@ impl Book {
         println!("|---|---|---|---|---|---|---|---|---|---|---|");
         let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
         let mut cells: BTreeMap<&[&str], Vec<&[&str]>> = BTreeMap::new();
-        for line in lines.iter().filter(|line| line.len() == COLUMNS) {
-            cells.entry(&line[..5]).or_default().push(&line[5..]);
+        let form = form();
+        for line in lines.iter().filter(|line| line.len() == COLUMNS && line[0] == form) {
+            cells.entry(&line[1..6]).or_default().push(&line[6..]);
         }
         for (cell, panels) in &cells {
             println!("| {} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
         }
         println!("\n| theta | truth | n | evidence | what each effect shows |\n|---|---|---|---|---|");
         for (cell, panels) in cells.iter().filter(|(cell, _)| cell[4] == "-") {
-            println!("| {} | {} |", cell[..4].join(" | "), panels[0][COLUMNS - 6]);
+            println!("| {} | {} |", cell[..4].join(" | "), panels[0][COLUMNS - 7]);
         }
     }
 }
 
-/// Columns of a line: theta, truth, n, evidence, left out, panel, sets, right, sizes of the classes, named, decidable,
-/// answers, limits.
-const COLUMNS: usize = 13;
+/// Columns of a line: form, theta, truth, n, evidence, left out, panel, pool, sets, right, sizes of the classes, named,
+/// decidable, answers, limits.
+const COLUMNS: usize = 15;
 
 /// The rest of a line of the matrix from the lines of its panels (from the number of the panel on).
 fn sum_up(panels: &[&[&str]]) -> [String; 6] {
     let sum = |column: usize| panels.iter().filter_map(|line| line[column].parse::<u32>().ok()).sum::<u32>();
-    let (sets, right, classes, named, decidable) = (sum(1), sum(2), sum(3), sum(4), sum(5));
-    let (low, high) = clopper_pearson(right, sets);
+    let (sets, right, classes, named, decidable) = (sum(2), sum(3), sum(4), sum(5), sum(6));
+    let interval = clopper_pearson(right as usize, sets as usize, 0.95);
     let mut answers: BTreeMap<&str, u32> = BTreeMap::new();
-    for (answer, count) in panels.iter().flat_map(|line| line[6].split("; ")).filter_map(|text| text.rsplit_once(": "))
+    for (answer, count) in panels.iter().flat_map(|line| line[7].split("; ")).filter_map(|text| text.rsplit_once(": "))
     {
         *answers.entry(answer).or_default() += count.parse::<u32>().unwrap_or(0);
     }
     let answers: Vec<String> = answers.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
     [
         format!("{right} of {sets}"),
-        format!("{low:.3} to {high:.3}"),
-        panels.iter().map(|line| line[2]).collect::<Vec<_>>().join(" + "),
+        format!("{:.3} to {:.3}", interval.lower, interval.upper),
+        panels.iter().map(|line| line[3]).collect::<Vec<_>>().join(" + "),
         format!("{:.2}", f64::from(classes) / f64::from(named.max(1))),
         decidable.to_string(),
         answers.join("; "),
     ]
-}
-
-/// Exact 95 % interval of a rate: the quantiles of two beta distributions.
-fn clopper_pearson(hits: u32, trials: u32) -> (f64, f64) {
-    let (k, n) = (f64::from(hits), f64::from(trials));
-    let quantile = |p: f64, a: f64, b: f64| {
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if beta_i(a, b, middle) < p {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        0.5 * (low + high)
-    };
-    let low = if hits == 0 { 0.0 } else { quantile(0.025, k, n - k + 1.0) };
-    let high = if hits == trials { 1.0 } else { quantile(0.975, k + 1.0, n - k) };
-    (low, high)
 }

@@ -278,12 +278,33 @@ pub struct Score {
     pub named: Vec<String>,
     /// Strength found for the hidden effect.
     pub found: Option<f64>,
+    /// Its standard error.
+    pub found_sd: Option<f64>,
     /// Smallest strength that is detected with the wanted probability, if there is one.
     pub detectable: Option<f64>,
     /// Whether an effect that was left out differs enough from every candidate for "none of them" to be due.
     pub decidable: Option<bool>,
     /// Whether the verdict is right.
     pub correct: bool,
+}
+
+impl Score {
+    /// Whether an effect of the library is hidden that is at or above its detection limit.
+    pub fn is_detectable(&self) -> bool {
+        let reaches = |(strength, limit): (f64, f64)| strength.abs() >= limit.abs();
+        self.in_library && self.strength.zip(self.detectable).is_some_and(reaches)
+    }
+
+    /// Whether the verdict names the hidden effect, alone or in a class.
+    pub fn names_truth(&self) -> bool {
+        self.named.contains(&self.truth)
+    }
+
+    /// How far the strength of an effect that was named is off, in its standard errors.
+    pub fn off(&self) -> Option<f64> {
+        let (found, sd) = self.found.zip(self.found_sd.filter(|sd| *sd > 0.0)).filter(|_| self.names_truth())?;
+        Some((found - self.strength?) / sd)
+    }
 }
 
 /// Part of a candidate that could not be named, in the table of the attribution.
@@ -369,6 +390,7 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
         decidable,
         verdict: verdict.verdict.clone(),
         found: row.map(|row| row.strength),
+        found_sd: row.map(|row| row.strength_sd),
         named,
         detectable,
         correct,

@@ -8,6 +8,7 @@ use crate::config::DensityBounds;
 use crate::pipeline::run::{Request, repro};
 use crate::pipeline::{self, Study};
 use crate::stages;
+use crate::stats::summary::clopper_pearson;
 use crate::store::{Store, table};
 use crate::tables::Row;
 use crate::tables::list::{AttributionRow, ConfusionRow, VerdictRow};
@@ -178,14 +179,15 @@ fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
         let entry = |(dir, s): &(&PathBuf, Score)| {
             json!({
                 "dir": dir.display().to_string(), "truth": s.truth, "strength": s.strength, "in_library": s.in_library,
-                "verdict": s.verdict, "named": s.named, "found": s.found, "detectable": s.detectable,
+                "verdict": s.verdict, "named": s.named, "found": s.found, "found_sd": s.found_sd, "off": s.off(),
+                "detectable": s.detectable,
                 "decidable": s.decidable, "correct": s.correct,
             })
         };
         writeln!(out, "{}", serde_json::Value::Array(scores.iter().map(entry).collect()))?;
         return Ok(Outcome::Done);
     }
-    let names = ["challenge", "truth", "strength", "verdict", "named", "found", "correct"].map(str::to_owned);
+    let names = ["challenge", "truth", "strength", "verdict", "named", "found", "sd", "off_in_sd", "correct"];
     let cells = scores.iter().map(|(dir, s)| {
         vec![
             dir.display().to_string().into(),
@@ -194,13 +196,40 @@ fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
             s.verdict.clone().into(),
             s.named.join(" ").into(),
             s.found.into(),
+            s.found_sd.into(),
+            s.off().into(),
             s.correct.into(),
         ]
     });
-    writeln!(out, "{}", aligned(&names, &cells.collect::<Vec<_>>()))?;
-    let right = scores.iter().filter(|(_, s)| s.correct).count();
-    writeln!(out, "{right} of {} correct", scores.len())?;
+    writeln!(out, "{}", aligned(&names.map(str::to_owned), &cells.collect::<Vec<_>>()))?;
+    let scores: Vec<Score> = scores.into_iter().map(|(_, score)| score).collect();
+    writeln!(out, "{}", rates(&scores))?;
     Ok(Outcome::Done)
+}
+
+/// Rates over several challenges, each with its exact 95 % interval, where there is anything to count.
+fn rates(scores: &[Score]) -> String {
+    let rate = |what: &str, counted: Vec<bool>| {
+        let (hits, trials) = (counted.iter().filter(|hit| **hit).count(), counted.len());
+        let interval = clopper_pearson(hits, trials, 0.95);
+        let text = format!("{hits} of {trials} {what} ({:.3} to {:.3})", interval.lower, interval.upper);
+        (trials > 0).then_some(text)
+    };
+    let of = |keep: fn(&Score) -> bool, hit: fn(&Score) -> bool| scores.iter().filter(|s| keep(s)).map(hit).collect();
+    let lines = [
+        rate("correct", of(|_| true, |s| s.correct)),
+        rate(
+            "effects at or above their detection limit named, alone or in a class",
+            of(Score::is_detectable, |s| s.correct),
+        ),
+        rate("false alarms where nothing is hidden", of(|s| s.truth == "none", |s| !s.correct)),
+    ];
+    let off: Vec<f64> = scores.iter().filter_map(Score::off).collect();
+    let square = off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64;
+    let off = (!off.is_empty()).then(|| {
+        format!("{:.2} standard errors: root mean square by which {} strengths are off", square.sqrt(), off.len())
+    });
+    lines.into_iter().flatten().chain(off).collect::<Vec<_>>().join("\n")
 }
 
 fn score_one(dir: &Path) -> Result<Score, CliError> {

@@ -63,8 +63,9 @@ pub fn run(study: &Path, arguments: &Arguments) -> Result<Outcome, CliError> {
         Request { label: "sim".to_owned(), experiment, point: Arc::new(point), repetition: 1, seed: arguments.seed };
     let resolved = request.resolve()?;
     let key = request.key(&resolved)?;
+    let release = arguments.end.release(experiment, &resolved)?;
     let outcome = simulate(&experiment.setup(&resolved)?, arguments)?;
-    arguments.end.write(experiment, &resolved, &outcome)?;
+    arguments.end.write(release, &outcome)?;
     let measured = experiment.measure(&resolved, &outcome.state, &outcome.trace);
     let answer = json!({
         "experiment": experiment.name(),

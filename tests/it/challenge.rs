@@ -1,7 +1,7 @@
 //! Blind data on the quick study: what `challenge` hides, that solving never reads the seal, and how answers are scored.
 
 use crate::support::Study;
-use granulake::challenge::{Declaration, Solution, score};
+use granulake::challenge::{Declaration, Score, Solution, score};
 use granulake::effects;
 use granulake::store::table;
 use granulake::tables::{AttributionRow, ConfusionRow, Row, SampleRow, VerdictRow};
@@ -59,6 +59,8 @@ fn a_solution_has_the_same_bytes_with_the_seal_gone() {
     assert!(scores[0]["correct"].is_boolean() && scores[0]["verdict"].is_string(), "{}", ended.out);
     assert_ne!(scores[0]["verdict"], "not_attributable", "{}", ended.out);
     assert_eq!((&scores[0]["truth"], &scores[0]["in_library"]), (&"size_distribution".into(), &true.into()));
+    let ended = study.succeed(&["challenge", "score", "blind", "blind"]);
+    assert!(ended.out.contains(" of 2 correct (0.") && !ended.out.contains("alarms"), "{}", ended.out);
     // A declaration that was changed afterwards is refused.
     study.edit("blind/sealed.toml", "seed = 11", "seed = 12");
     let ended = study.run(&["challenge", "score", "blind"]);
@@ -165,6 +167,10 @@ fn row(effect: &str, part: &str) -> AttributionRow {
 }
 
 fn is_right(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), part: &str, cosine: f64) -> bool {
+    scored(hidden, foreign, verdict, part, cosine).correct
+}
+
+fn scored(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), part: &str, cosine: f64) -> Score {
     let declaration = Declaration { effect: hidden.map(|(name, strength)| (name.to_owned(), strength)), foreign };
     let verdict = VerdictRow {
         measured: "challenge".to_owned(),
@@ -185,7 +191,7 @@ fn is_right(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), p
         separation: 1.0,
     }];
     let attribution = vec![row("cohesion", part), row("tilt", "rejected")];
-    score(&declaration, &Solution { verdict, attribution, confusion }).correct
+    score(&declaration, &Solution { verdict, attribution, confusion })
 }
 
 #[test]
@@ -213,4 +219,15 @@ fn answers_are_scored_as_the_truth_allows() {
     let left_out = |verdict, cosine| is_right(strong, false, verdict, "left_out", cosine);
     assert!(left_out(none, 0.0) && !left_out(("effect", "tilt"), 0.0) && !left_out(quiet, 0.0));
     assert!(left_out(none, 0.99) && left_out(("effect", "tilt"), 0.99));
+}
+
+#[test]
+fn a_score_tells_how_far_a_strength_is_off_and_whether_it_could_be_found() {
+    let of = |strength, verdict| scored(Some(("cohesion", strength)), false, verdict, "named", 0.0);
+    let named = of(0.8, ("class", "tilt,cohesion"));
+    assert!(named.is_detectable() && named.names_truth());
+    assert!((named.off().expect("a strength") - 2.0).abs() < 1e-12);
+    let missed = of(0.4, ("effect", "tilt"));
+    assert!(!missed.is_detectable() && !missed.names_truth() && missed.off().is_none());
+    assert!(!scored(Some(("cohesion", 0.8)), false, ("effect", "tilt"), "left_out", 0.0).is_detectable());
 }

@@ -316,6 +316,9 @@ fn mistakes_are_told_with_place_and_remedy() {
     message(&["sim", "heap"], 1, &["no experiment is called `heap`", "pile"]);
     message(&["sim", "pile", "--set", "sliding_fricton=0.3"], 1, &["sliding_friction"]);
     message(&["sim", "pile", "--set", "pile.depth=3 kg"], 1, &["kg"]);
+    // Before the run, not after it.
+    message(&["sim", "bulk_density", "--particles", "grains.csv", "--flow", "flow.csv"], 1, &["leave --flow out"]);
+    assert!(!study.path("grains.csv").exists());
     message(&["--study", "absent.toml", "status"], 1, &["absent.toml", "granulake init"]);
     message(&["repro", "--reps", "0"], 1, &["--reps"]);
     message(&["frobnicate"], 2, &["unrecognized subcommand"]);

@@ -20,17 +20,27 @@ pub struct Options {
 }
 
 impl Options {
+    /// Time of the release [s], where the mass over the time since then is asked for; known before anything is simulated.
+    ///
+    /// # Errors
+    /// An experiment that opens nothing.
+    pub fn release(&self, experiment: &dyn Experiment, settings: &Settings) -> Result<Option<f64>, CliError> {
+        if self.flow.is_none() {
+            return Ok(None);
+        }
+        let release = settings.get(&format!("{}.release_time", experiment.name()));
+        release.map(Some).map_err(|_| format!("{} opens nothing; leave --flow out", experiment.name()).into())
+    }
+
     /// Writes what is asked for; numbers in as many digits as give them back.
     ///
     /// # Errors
-    /// An experiment that records no mass over time, a file that cannot be written.
-    pub fn write(&self, experiment: &dyn Experiment, settings: &Settings, outcome: &Outcome) -> Result<(), CliError> {
+    /// A file that cannot be written.
+    pub fn write(&self, release: Option<f64>, outcome: &Outcome) -> Result<(), CliError> {
         if let Some(path) = &self.particles {
             atomic::publish(path, grains(outcome).as_bytes())?;
         }
-        if let Some(path) = &self.flow {
-            let release = settings.get(&format!("{}.release_time", experiment.name()));
-            let release = release.map_err(|_| format!("{} opens nothing; leave --flow out", experiment.name()))?;
+        if let (Some(path), Some(release)) = (&self.flow, release) {
             atomic::publish(path, flow(outcome, release).as_bytes())?;
         }
         Ok(())

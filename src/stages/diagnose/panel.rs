@@ -10,7 +10,7 @@ use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Moment, Moments};
 use super::rows;
-use super::verdict::{Case, Examined, at_bound, attributed, examine, options, prepare};
+use super::verdict::{Case, Examined, HOPELESS, at_bound, attributed, examine, options, prepare};
 use crate::config::Measured;
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
@@ -44,8 +44,11 @@ impl<'a> Panel<'a> {
             Err(why) => return Ok(Err(why)),
         };
         let mut examined = examine(&models, &anchors, &mut lab, prepared)?;
-        // Another data set may lead to any candidate, so all of them stand on runs.
-        for contender in examined.contenders.iter_mut().filter(|contender| !contender.is_tied()) {
+        // Another data set may lead to any candidate that is not hopeless by far, so all of these stand on runs.
+        let misfits = examined.contenders.iter().filter_map(Contender::misfit);
+        let hopeless = misfits.fold(f64::INFINITY, f64::min) + 2.0 * HOPELESS;
+        let likely = |contender: &&mut Contender| contender.misfit().is_some_and(|misfit| misfit < hopeless);
+        for contender in examined.contenders.iter_mut().filter(likely).filter(|contender| !contender.is_tied()) {
             contender.tie_anyway(&examined.case, &mut lab)?;
         }
         let all = (0..examined.case.evidence.statistics.len()).collect();

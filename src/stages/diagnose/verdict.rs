@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector};
 const LEADERS: usize = 3;
 /// How much worse, in −2 ln likelihood, the metamodels may fit with a candidate than with the best one for it to be run:
 /// far more than their errors can be wrong by.
-const HOPELESS: f64 = 50.0;
+pub const HOPELESS: f64 = 50.0;
 
 /// Everything known of one data set before its attribution.
 pub struct Case<'a> {
