@@ -37,11 +37,9 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
     let mut inserter = Inserter::new(setup, seed);
     let step = setup.fill.plane_step * setup.grains.size.mean();
     let (mut volume, mut attempts) = (0.0, 0_u64);
-    let mut sizes = Stream::new(seed, "sizes");
+    let mut sizes = Sizes::new(&setup.grains, seed);
     let mut bodies = Bodies::new(setup, seed);
-    let mut radius = setup.grains.size.draw(&mut sizes);
-    let mut body = bodies.draw(radius);
-    let mut fine_volume = 0.0;
+    let mut body = bodies.draw(sizes.next(volume));
     while volume < setup.fill.volume {
         let height = setup.fill.base + step * attempts as f64;
         if height > setup.domain.upper[2] {
@@ -50,25 +48,19 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
         }
         attempts += 1;
         if inserter.attempt(height, &body) {
-            volume += sphere_volume(radius);
-            // A fine grain whenever there are too few of them so far; the stream of the others goes on as without.
-            radius = match setup.grains.fines.filter(|fines| fine_volume < fines.fraction * volume) {
-                Some(fines) => {
-                    fine_volume += sphere_volume(fines.radius);
-                    fines.radius
-                }
-                None => setup.grains.size.draw(&mut sizes),
-            };
-            body = bodies.draw(radius);
+            volume += sphere_volume(body.radius);
+            body = bodies.draw(sizes.next(volume));
         }
     }
     let Frictions { sliding, rolling } = Frictions::draw(inserter.placed.len(), &setup.grains, seed);
-    let factors = |k: usize| (sliding.get(k).map_or(1.0, |f| *f), rolling.get(k).map_or(1.0, |f| *f));
+    let own = |factors: &[f64], k: usize| factors.get(k).map_or(1.0, |factor| *factor);
     let mut filling = Filling { grains: Vec::new(), clumps: Vec::new(), attempts };
     for (k, (body, centre)) in inserter.placed.iter().enumerate() {
-        let (sliding_factor, rolling_factor) = factors(k);
+        let [density_factor, of_sliding, of_rolling] = factors(setup, body.species);
+        let (sliding_factor, rolling_factor) = (own(&sliding, k) * of_sliding, own(&rolling, k) * of_rolling);
+        let grain = Grain { sliding_factor, rolling_factor, density_factor, ..Grain::new(body.radius, *centre) };
         match body.axis {
-            None => filling.grains.push(Grain { sliding_factor, rolling_factor, ..Grain::new(body.radius, *centre) }),
+            None => filling.grains.push(grain),
             Some(axis) => {
                 let clump = Clump::new(body.radius, setup.grains.aspect, *centre);
                 filling.clumps.push(Clump { axis, sliding_factor, rolling_factor, ..clump });
@@ -78,9 +70,54 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
     Ok(filling)
 }
 
+/// Density, sliding and rolling friction of a species over those of the setup [-].
+fn factors(setup: &Setup, species: Option<usize>) -> [f64; 3] {
+    let Some(species) = species.map(|k| &setup.grains.species[k]) else { return [1.0; 3] };
+    let over = |own: f64, law: f64| if own == law { 1.0 } else { own / law };
+    [
+        over(species.density, setup.grains.density),
+        over(species.sliding_friction, setup.contact.sliding_friction),
+        over(species.rolling_friction, setup.contact.rolling_friction),
+    ]
+}
+
+/// Gives the next grain its species and its radius.
+struct Sizes<'a> {
+    grains: &'a Grains,
+    main: Stream,
+    /// One stream per further species.
+    others: Vec<Stream>,
+    /// Volume so far of every further species, then of the fines [m³].
+    volumes: Vec<f64>,
+}
+
+impl<'a> Sizes<'a> {
+    fn new(grains: &'a Grains, seed: u64) -> Self {
+        let others = (1..=grains.species.len()).map(|k| Stream::new(seed, &format!("sizes of species {k}"))).collect();
+        Self { grains, main: Stream::new(seed, "sizes"), others, volumes: vec![0.0; grains.species.len() + 1] }
+    }
+
+    /// A grain of a further species, or a fine one, whenever there are too few of them in the volume so far [m³]; the
+    /// stream of the others goes on as without.
+    fn next(&mut self, volume: f64) -> (Option<usize>, f64) {
+        let Grains { species, fines, size, .. } = self.grains;
+        let missing = species.iter().zip(&self.volumes).position(|(species, own)| *own < species.fraction * volume);
+        let place = missing.unwrap_or(species.len());
+        let radius = match (missing, fines.filter(|fines| self.volumes[place] < fines.fraction * volume)) {
+            (Some(k), _) => species[k].size.draw(&mut self.others[k]),
+            (None, Some(fines)) => fines.radius,
+            (None, None) => return (None, size.draw(&mut self.main)),
+        };
+        self.volumes[place] += sphere_volume(radius);
+        (missing, radius)
+    }
+}
+
 /// A grain to be placed.
 #[derive(Clone)]
 struct Body {
+    /// Number of the further species, if it is of one.
+    species: Option<usize>,
     /// Radius of the sphere of its volume [m].
     radius: f64,
     /// Direction of a clump.
@@ -102,8 +139,10 @@ impl Bodies {
         Self { row: (aspect != 1.0).then(|| Row::new(aspect)), directions: Stream::new(seed, "directions") }
     }
 
-    fn draw(&mut self, radius: f64) -> Body {
-        let Some(row) = &self.row else { return Body { radius, axis: None, spheres: vec![[0.0, 0.0, 0.0, radius]] } };
+    fn draw(&mut self, (species, radius): (Option<usize>, f64)) -> Body {
+        let Some(row) = &self.row else {
+            return Body { species, radius, axis: None, spheres: vec![[0.0, 0.0, 0.0, radius]] };
+        };
         let direction = [(); 3].map(|()| self.directions.normal());
         let axis = scale(direction, 1.0 / length(direction));
         let size = row.sphere_radius(radius);
@@ -111,7 +150,7 @@ impl Bodies {
             let [x, y, z] = scale(axis, centre * size);
             [x, y, z, size]
         };
-        Body { radius, axis: Some(axis), spheres: row.centres.iter().map(sphere).collect() }
+        Body { species, radius, axis: Some(axis), spheres: row.centres.iter().map(sphere).collect() }
     }
 }
 
@@ -182,7 +221,7 @@ struct Inserter<'a> {
 impl<'a> Inserter<'a> {
     fn new(setup: &'a Setup, seed: u64) -> Self {
         let [origin, upper] = bounds(&setup.fill.area);
-        let width = 2.0 * setup.grains.size.largest();
+        let width = 2.0 * setup.grains.largest();
         let shape = [0, 1].map(|axis| ((upper[axis] - origin[axis]) / width) as usize + 1);
         let surfaces: Vec<Surface> = setup.walls.iter().map(|wall| Surface::new(&wall.shape)).collect();
         let mut inserter = Self {
@@ -203,7 +242,7 @@ impl<'a> Inserter<'a> {
 
     /// Notes in every column the surfaces about it, so that a mesh of many triangles costs no more than a few of them.
     fn place_surfaces(&mut self) {
-        let reach = self.setup.grains.size.largest();
+        let reach = self.setup.grains.largest();
         for (k, surface) in self.surfaces.iter().enumerate() {
             let everywhere = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
             let [lower, upper] = surface.bounds().unwrap_or(everywhere);

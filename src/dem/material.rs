@@ -32,12 +32,12 @@ pub fn collision_time(mass: f64, stiffness: f64) -> f64 {
     PI * (0.5 * mass / stiffness).sqrt()
 }
 
-/// Time step of a setup [s]: its fraction of the collision time of two of the smallest possible grains.
+/// Time step of a setup [s]: its fraction of the collision time of two of the lightest possible grains.
 ///
-/// The smallest *possible* grain, not the smallest drawn, so that the step follows from the settings alone. A clump that is hit
+/// The lightest *possible* grain, not the lightest drawn, so that the step follows from the settings alone. A clump that is hit
 /// beside its centre gives way like a lighter grain, see `clumps.rs`.
 pub fn time_step(setup: &Setup) -> f64 {
-    let mass = sphere_mass(setup.grains.density, setup.grains.smallest());
+    let mass = setup.grains.lightest();
     let lightness = if setup.grains.aspect == 1.0 { 1.0 } else { Row::new(setup.grains.aspect).lightness() };
     setup.time_step_fraction * collision_time(lightness * mass, setup.contact.stiffness)
 }

@@ -45,7 +45,7 @@ pub use particles::Grain;
 pub use run::{Simulation, simulate, simulate_within};
 pub use setup::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Region, Setup, Shape,
-    StopRule, Trace, Vec3, Wall, WallSpecies,
+    Species, StopRule, Trace, Vec3, Wall, WallSpecies,
 };
 pub use sizes::SizeDistribution;
 pub use stl::{Facet, StlError, facets, mesh};

@@ -23,12 +23,24 @@ pub struct Grain {
     pub sliding_factor: f64,
     /// Own rolling friction over the law's [-], usually 1.
     pub rolling_factor: f64,
+    /// Own density over the setup's [-], usually 1.
+    pub density_factor: f64,
 }
 
 impl Grain {
     /// A grain at rest.
     pub fn new(radius: f64, position: Vec3) -> Self {
-        Self { radius, position, velocity: [0.0; 3], spin: [0.0; 3], sliding_factor: 1.0, rolling_factor: 1.0 }
+        let at_rest = [0.0; 3];
+        let factors = 1.0;
+        Self {
+            radius,
+            position,
+            velocity: at_rest,
+            spin: at_rest,
+            sliding_factor: factors,
+            rolling_factor: factors,
+            density_factor: factors,
+        }
     }
 }
 
@@ -68,7 +80,7 @@ impl Particles {
 
     /// Appends a grain; its number is the count so far.
     pub fn push(&mut self, grain: &Grain, density: f64) {
-        let mass = sphere_mass(density, grain.radius);
+        let mass = sphere_mass(density * grain.density_factor, grain.radius);
         let inertia = 0.4 * mass * grain.radius * grain.radius;
         let row = |v: Vec3, last: f64| Row4([v[0], v[1], v[2], last]);
         self.id.push(self.len() as u32);

@@ -3,6 +3,7 @@
 //! Takes nothing, gives plain data that [`simulate`](super::simulate) runs. SI units throughout, z points up.
 //! Deliberately ignorant of experiments and settings: whoever builds a [`Setup`] decides what its numbers mean.
 
+use super::material::sphere_mass;
 use super::sizes::SizeDistribution;
 
 /// A point or vector, (x, y, z).
@@ -38,7 +39,7 @@ pub struct Setup {
     pub trace: Option<Trace>,
 }
 
-/// The grains: spheres, or rigid clumps of spheres, of one material.
+/// The grains: spheres, or rigid clumps of spheres, of one material, and spheres of further species among them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grains {
     /// Distribution of the radius; of a clump that of the sphere of its volume.
@@ -55,6 +56,23 @@ pub struct Grains {
     pub fines: Option<Fines>,
     /// ½ C_d ρ_air of the drag ½ C_d ρ_air π R² v² against a grain's velocity [kg/m³]; 0 is off.
     pub drag: f64,
+    /// Further species; none of them with clumps.
+    pub species: Vec<Species>,
+}
+
+/// A further species of spheres, with the stiffness and damping of the contact law.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Species {
+    /// Share of the volume of all grains [-], between 0 and 1.
+    pub fraction: f64,
+    /// Distribution of the radius.
+    pub size: SizeDistribution,
+    /// Particle density [kg/m³].
+    pub density: f64,
+    /// Sliding friction between two grains of it [-]; between grains of two species the harmonic mean, as in MercuryDPM.
+    pub sliding_friction: f64,
+    /// Rolling friction between two grains of it [-], mixed in the same way.
+    pub rolling_friction: f64,
 }
 
 /// Grains of one small size among the others.
@@ -67,9 +85,16 @@ pub struct Fines {
 }
 
 impl Grains {
-    /// Smallest possible radius [m].
-    pub fn smallest(&self) -> f64 {
-        self.fines.map_or(self.size.smallest(), |fines| fines.radius.min(self.size.smallest()))
+    /// Mass of the lightest possible grain [kg].
+    pub fn lightest(&self) -> f64 {
+        let smallest = self.fines.map_or(self.size.smallest(), |fines| fines.radius.min(self.size.smallest()));
+        let others = self.species.iter().map(|species| sphere_mass(species.density, species.size.smallest()));
+        others.fold(sphere_mass(self.density, smallest), f64::min)
+    }
+
+    /// Largest possible radius [m].
+    pub fn largest(&self) -> f64 {
+        self.species.iter().map(|species| species.size.largest()).fold(self.size.largest(), f64::max)
     }
 }
 
@@ -343,6 +368,7 @@ impl Default for Grains {
             rolling_spread: 0.0,
             fines: None,
             drag: 0.0,
+            species: Vec::new(),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::clumps::Clump;
 use super::outcome::Failure;
-use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, Vec3, Wall};
+use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, Species, Vec3, Wall};
 use super::vector::{cross, dot, length, sub};
 
 /// Shortest period over the largest radius: below it a pair could be near both inside and across the ends.
@@ -26,7 +26,7 @@ pub fn validate(setup: &Setup) -> Result<(), Failure> {
     events(setup)?;
     region("domain", &setup.domain)?;
     if let Some([low, high]) = setup.periodic {
-        let least = SHORTEST_PERIOD * setup.grains.size.largest();
+        let least = SHORTEST_PERIOD * setup.grains.largest();
         let sound = low.is_finite() && high.is_finite() && high - low >= least;
         let what = || format!("the period from y = {low} to {high} m is shorter than {least:.4} m, or not finite");
         require(sound, what, "give it at least eight times the largest radius")?;
@@ -77,10 +77,34 @@ fn grains(setup: &Setup) -> Result<(), Failure> {
     not_negative("sliding friction spread", setup.grains.sliding_spread)?;
     not_negative("rolling friction spread", setup.grains.rolling_spread)?;
     not_negative("drag", setup.grains.drag)?;
+    setup.grains.species.iter().try_for_each(|one| species(setup, one))?;
+    let others: f64 = setup.grains.species.iter().map(|species| species.fraction).sum();
+    let fines = setup.grains.fines.map_or(0.0, |fines| fines.fraction);
+    let room = || format!("further species and fines are {} of the grains", others + fines);
+    require(others + fines < 1.0, room, "leave a share to the first species")?;
     let Some(fines) = setup.grains.fines else { return Ok(()) };
     positive("radius of the fines", fines.radius)?;
     let share = (0.0..1.0).contains(&fines.fraction);
     require(share, || format!("the fraction of fines is {}", fines.fraction), "give a number from 0 to below 1")
+}
+
+fn species(setup: &Setup, species: &Species) -> Result<(), Failure> {
+    if let Some(remedy) = species.size.fault() {
+        let what = format!("size distribution {:?} of a species makes no radii", species.size);
+        return Err(Failure::InvalidSetup { what, remedy });
+    }
+    positive("fraction of a species", species.fraction)?;
+    positive("density of a species", species.density)?;
+    not_negative("sliding friction of a species", species.sliding_friction)?;
+    not_negative("rolling friction of a species", species.rolling_friction)?;
+    let spheres = setup.grains.aspect == 1.0;
+    require(spheres, || "further species beside clumps".into(), "give an aspect ratio of 1")?;
+    // Frictions are kept as multiples of the first species'.
+    let law = &setup.contact;
+    let expressible = |own: f64, law: f64| own == 0.0 || law > 0.0;
+    let both = expressible(species.sliding_friction, law.sliding_friction)
+        && expressible(species.rolling_friction, law.rolling_friction);
+    require(both, || "a species has a friction that the first lacks".into(), "begin with a species that has it")
 }
 
 fn contact(setup: &Setup) -> Result<(), Failure> {

@@ -255,7 +255,14 @@ impl World {
         self.state_of(|i| Some(self.grains.place[i]))
     }
 
-    /// The same, but a clump is one grain: the sphere of its volume at its centre.
+    /// Masses of the grains [kg], in the order of [`World::state`]: over the volumes they tell species apart.
+    pub fn masses(&self) -> Vec<f64> {
+        let mut masses: Vec<(u32, f64)> = (0..self.len()).map(|i| (self.grains.id[i], self.grains.mass(i))).collect();
+        masses.sort_unstable_by_key(|(id, _)| *id);
+        masses.into_iter().map(|(_, mass)| mass).collect()
+    }
+
+    /// The same state, but a clump is one grain: the sphere of its volume at its centre.
     pub fn state_of_bodies(&self) -> State {
         self.state_of(|i| match self.clumps.of_grain(i) {
             None => Some(self.grains.place[i]),
@@ -576,7 +583,7 @@ fn wrapped(y: f64, [low, high]: [f64; 2]) -> f64 {
 fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Constants {
     let mix = |kind: usize| {
         let (a, b) = (grains.friction[i][kind], grains.friction[j][kind]);
-        2.0 * a * b / (a + b)
+        if a + b > 0.0 { 2.0 * a * b / (a + b) } else { 0.0 }
     };
     let damping = law.pair_damping(grains.mass(i), grains.mass(j));
     let length = pair_length(grains.place[i][3], grains.place[j][3]);

@@ -23,6 +23,7 @@ pub fn grains(settings: &Settings, scale: f64) -> Grains {
         rolling_spread: rolling_spread(settings),
         fines: fines(settings, scale),
         drag: 0.5 * AIR_DENSITY * settings["drag_coefficient"],
+        species: Vec::new(),
     }
 }
 

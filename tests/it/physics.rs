@@ -18,6 +18,7 @@ mod oblique;
 mod outcomes;
 mod periodic;
 mod runs;
+mod species;
 mod walls;
 
 const RADIUS: f64 = 5e-3;

@@ -1,14 +1,17 @@
 //! Checkpoints: a run that goes on from stored bytes ends with the bits of the run that was never stopped.
 
 use super::*;
-use granulake::dem::{Checkpoint, CheckpointError, Outcome, Simulation};
+use granulake::dem::{Checkpoint, CheckpointError, Outcome, Simulation, Species};
 
-/// Wet grains of unlike friction that settle on a trapdoor, are levelled at 0.2 s, are knocked at 0.22 s, and flow past a
+/// Wet grains of two species and unlike friction that settle on a trapdoor, are levelled at 0.2 s, are knocked at 0.22 s, and flow past a
 /// moving plate against the air from 0.25 s on.
 fn flow_setup() -> Setup {
     let plate = Shape::Rectangle { corner: [-0.04, -0.01, 0.06], edge_u: [0.0, 0.02, 0.0], edge_v: [0.0, 0.0, 0.02] };
     let mut setup = bed_setup();
     setup.grains.rolling_spread = 0.3;
+    let size = SizeDistribution::TruncatedNormal { mean: 4e-3, sd: 2e-4, below: 1.5, above: 1.5 };
+    let heavy = Species { fraction: 0.3, size, density: 4000.0, sliding_friction: 0.3, rolling_friction: 0.02 };
+    setup.grains.species = vec![heavy];
     setup.grains.drag = 0.3;
     setup.bridges = Some(LiquidBridges { bond_number: 0.3, volume_ratio: 0.01, contact_angle: 0.2, wall_ratio: 1.0 });
     setup.walls.push(wall("plate", plate, WallSpecies { sliding_friction: 0.5, rolling_friction: 0.1 }));
