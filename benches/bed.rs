@@ -13,8 +13,8 @@
 //! Time is that of the processor spent on this thread (Linux), so a busy machine disturbs it little.
 
 use granulake::dem::{
-    ContactLaw, Damping, Fill, FillArea, Grain, Grains, Region, Setup, Shape, StopRule, Vectors, Wall, WallSpecies,
-    World,
+    ContactLaw, Damping, Fill, FillArea, Grain, Grains, Region, Rise, Setup, Shape, StopRule, Vectors, Wall,
+    WallSpecies, World,
 };
 use granulake::rng::Stream;
 use std::fmt::Write as _;
@@ -74,7 +74,7 @@ fn setup() -> Setup {
         fill: Fill {
             area: FillArea::Disc { axis: [0.0; 2], radius: CYLINDER },
             base: 0.0,
-            plane_step: 1e-3,
+            rise: Rise::PerAttempt(1e-3),
             volume: 1.0,
         },
         events: Vec::new(),

@@ -1,6 +1,6 @@
 //! Random insertion of grains without contact (paper, section 3.2).
 //!
-//! A horizontal plane rises by a small step with every attempted grain. Each attempt draws a place in the area; it is refused
+//! A horizontal plane rises by a small step with every attempted grain, or with the volume below it. Each attempt draws a place in the area; it is refused
 //! when the grain would touch a grain or a wall, lie behind a wall or in a mesh that is closed, and the same grain is tried
 //! again elsewhere. (Drawing a new radius after a refusal would favour small grains: three times as many in the same volume,
 //! which is no longer the sieved distribution.)
@@ -12,7 +12,7 @@ use super::clumps::{Clump, Row};
 use super::material::sphere_volume;
 use super::outcome::Failure;
 use super::particles::Grain;
-use super::setup::{FillArea, Grains, Setup, Shape, Vec3, Wall};
+use super::setup::{FillArea, Grains, Rise, Setup, Shape, Vec3, Wall};
 use super::stl::{Facet, is_closed};
 use super::vector::{add, dot, length, scale, sub};
 use super::walls::{Geometry, Surface};
@@ -29,32 +29,38 @@ pub struct Filling {
     pub attempts: u64,
 }
 
+/// Attempts in a row that may be refused at one height before the cloud counts as too dense to be made.
+const MOST_REFUSED: u64 = 1_000_000;
+
 /// Fills the setup's area.
 ///
 /// # Errors
-/// [`Failure::FillOverflow`] when the plane leaves the domain before the volume is reached.
+/// [`Failure::FillOverflow`] when the plane leaves the domain before the volume is reached, [`Failure::FillJammed`] when there
+/// is no room at the density asked for.
 pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
     let mut inserter = Inserter::new(setup, seed);
-    let step = setup.fill.plane_step * setup.grains.size.mean();
-    let (mut volume, mut attempts) = (0.0, 0_u64);
+    let mut plane = Plane::new(setup);
+    let mut volume = 0.0;
     let mut sizes = Sizes::new(&setup.grains, seed);
     let mut bodies = Bodies::new(setup, seed);
     let mut body = bodies.draw(sizes.next(volume));
     while volume < setup.fill.volume {
-        let height = setup.fill.base + step * attempts as f64;
+        let (height, inserted) = (plane.height(volume), inserter.placed.len());
         if height > setup.domain.upper[2] {
-            let inserted = inserter.placed.len();
             return Err(Failure::FillOverflow { height, inserted, volume, wanted: setup.fill.volume });
         }
-        attempts += 1;
-        if inserter.attempt(height, &body) {
+        let placed = inserter.attempt(height, &body);
+        if !plane.moves_on(placed, height) {
+            return Err(Failure::FillJammed { height, inserted, attempts: MOST_REFUSED });
+        }
+        if placed {
             volume += sphere_volume(body.radius);
             body = bodies.draw(sizes.next(volume));
         }
     }
     let Frictions { sliding, rolling } = Frictions::draw(inserter.placed.len(), &setup.grains, seed);
     let own = |factors: &[f64], k: usize| factors.get(k).map_or(1.0, |factor| *factor);
-    let mut filling = Filling { grains: Vec::new(), clumps: Vec::new(), attempts };
+    let mut filling = Filling { grains: Vec::new(), clumps: Vec::new(), attempts: plane.attempts };
     for (k, (body, centre)) in inserter.placed.iter().enumerate() {
         let [density_factor, of_sliding, of_rolling] = factors(setup, body.species);
         let (sliding_factor, rolling_factor) = (own(&sliding, k) * of_sliding, own(&rolling, k) * of_rolling);
@@ -68,6 +74,51 @@ pub fn fill(setup: &Setup, seed: u64) -> Result<Filling, Failure> {
         }
     }
     Ok(filling)
+}
+
+/// The plane of insertion.
+struct Plane<'a> {
+    setup: &'a Setup,
+    attempts: u64,
+    /// Attempts refused since the last grain was placed.
+    refused: u64,
+    /// Where the first grain was placed [m].
+    first: Option<f64>,
+}
+
+impl<'a> Plane<'a> {
+    /// Rise per attempt until the first grain is placed, over the mean radius: where a density is asked for.
+    const START: f64 = 1e-2;
+
+    fn new(setup: &'a Setup) -> Self {
+        Self { setup, attempts: 0, refused: 0, first: None }
+    }
+
+    /// Its height with this volume below it [m].
+    fn height(&self, volume: f64) -> f64 {
+        let rising = |step: f64| self.setup.fill.base + step * self.setup.grains.size.mean() * self.attempts as f64;
+        match (self.setup.fill.rise, self.first) {
+            (Rise::PerAttempt(step), _) => rising(step),
+            (Rise::ToDensity(_), None) => rising(Self::START),
+            (Rise::ToDensity(density), Some(first)) => first + volume / (density * extent(&self.setup.fill.area)),
+        }
+    }
+
+    /// Takes note of an attempt at a height; whether there is hope for the next one.
+    fn moves_on(&mut self, placed: bool, height: f64) -> bool {
+        self.attempts += 1;
+        self.refused = if placed { 0 } else { self.refused + 1 };
+        self.first = self.first.or(placed.then_some(height));
+        matches!(self.setup.fill.rise, Rise::PerAttempt(_)) || self.first.is_none() || self.refused < MOST_REFUSED
+    }
+}
+
+/// Size of an area [m²].
+fn extent(area: &FillArea) -> f64 {
+    match *area {
+        FillArea::Rectangle { x, y } => (x[1] - x[0]) * (y[1] - y[0]),
+        FillArea::Disc { radius, .. } => std::f64::consts::PI * radius * radius,
+    }
 }
 
 /// Density, sliding and rolling friction of a species over those of the setup [-].

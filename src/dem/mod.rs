@@ -44,8 +44,8 @@ pub use outcome::{Energies, EventRecord, Failure, Outcome, State, Stop, TracePoi
 pub use particles::Grain;
 pub use run::{Simulation, simulate, simulate_within};
 pub use setup::{
-    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Region, Setup, Shape,
-    Species, StopRule, Trace, Vec3, Wall, WallSpecies,
+    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Region, Rise, Setup,
+    Shape, Species, StopRule, Trace, Vec3, Wall, WallSpecies,
 };
 pub use sizes::SizeDistribution;
 pub use stl::{Facet, StlError, facets, mesh};

@@ -165,6 +165,18 @@ pub enum Failure {
         /// Volume asked for [m³].
         wanted: f64,
     },
+    /// No place was found for a grain at the density that was asked for.
+    #[error(
+        "insertion found no room for grain {inserted} at z = {height:.3} m in {attempts} attempts; lower the insertion density"
+    )]
+    FillJammed {
+        /// Height of the plane [m].
+        height: f64,
+        /// Grains inserted so far.
+        inserted: usize,
+        /// Attempts in a row.
+        attempts: u64,
+    },
     /// Two grains, or a grain and a wall, overlap so far that the contact law means nothing.
     #[error(
         "exploded at step {step}, t = {time:.6} s: grain {grain} at ({:.4}, {:.4}, {:.4}) m overlaps {with} by {:.0} % of its radius; \
@@ -226,7 +238,7 @@ impl Failure {
         match self {
             Self::Overlap { step, .. } | Self::NotFinite { step, .. } | Self::Underfilled { step, .. } => Some(*step),
             Self::StepLimit { limit } => Some(*limit),
-            Self::InvalidSetup { .. } | Self::FillOverflow { .. } => None,
+            Self::InvalidSetup { .. } | Self::FillOverflow { .. } | Self::FillJammed { .. } => None,
         }
     }
 }

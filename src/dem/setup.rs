@@ -209,17 +209,26 @@ pub enum Shape {
     },
 }
 
-/// Random insertion without contact, from a horizontal plane that rises with every attempt (paper, section 3.2).
+/// Random insertion without contact, from a horizontal plane that rises (paper, section 3.2).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fill {
     /// Where the centres are drawn.
     pub area: FillArea,
     /// Height at which the plane starts [m]; grains that would touch a wall are refused like any other contact.
     pub base: f64,
-    /// Rise of the plane per attempted grain, over the mean radius [-]; paper: 1e-4 (**assumption**: per attempt).
-    pub plane_step: f64,
+    /// How the plane rises.
+    pub rise: Rise,
     /// Total grain volume to insert [m³]; the grain that reaches it is the last.
     pub volume: f64,
+}
+
+/// How the plane of insertion rises.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Rise {
+    /// By this with every attempted grain, over the mean radius [-]; paper: 1e-4 (**assumption**: per attempt).
+    PerAttempt(f64),
+    /// With the volume of the grains, once the first has found a place: the cloud has this solid fraction over the area [-].
+    ToDensity(f64),
 }
 
 /// Horizontal area of insertion.

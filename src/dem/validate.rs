@@ -2,7 +2,7 @@
 
 use super::clumps::Clump;
 use super::outcome::Failure;
-use super::setup::{Action, Damping, FillArea, Region, Setup, Shape, Species, Vec3, Wall};
+use super::setup::{Action, Damping, FillArea, Region, Rise, Setup, Shape, Species, Vec3, Wall};
 use super::vector::{cross, dot, length, sub};
 
 /// Shortest period over the largest radius: below it a pair could be near both inside and across the ends.
@@ -162,7 +162,13 @@ fn wall(wall: &Wall, before: &[Wall]) -> Result<(), Failure> {
 
 fn fill(setup: &Setup) -> Result<(), Failure> {
     positive("fill volume", setup.fill.volume)?;
-    positive("plane step of the filling", setup.fill.plane_step)?;
+    match setup.fill.rise {
+        Rise::PerAttempt(step) => positive("plane step of the filling", step)?,
+        Rise::ToDensity(density) => {
+            let share = density > 0.0 && density < 1.0;
+            require(share, || format!("the density of the insertion is {density}"), "give a solid fraction")?;
+        }
+    }
     let sound = match setup.fill.area {
         FillArea::Rectangle { x, y } => {
             [x, y].iter().all(|[low, high]| low.is_finite() && high.is_finite() && low < high)

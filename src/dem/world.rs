@@ -661,7 +661,7 @@ mod tests {
             fill: Fill {
                 area: FillArea::Disc { axis: [0.0; 2], radius: 0.03 },
                 base: 0.0,
-                plane_step: 1e-3,
+                rise: Rise::PerAttempt(1e-3),
                 volume: 3e-5,
             },
             events: Vec::new(),

@@ -3,7 +3,7 @@
 use super::SetupError;
 use super::profile::DEGREES;
 use crate::dem::{
-    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Shape,
+    Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Rise, Shape,
     SizeDistribution, Vec3, Wall, WallSpecies, mesh,
 };
 use crate::settings::{Equipment, SIEVES, Settings, spec};
@@ -139,12 +139,15 @@ pub fn sheet(name: &str, from: [f64; 2], to: [f64; 2], depth: f64, species: Wall
 
 /// Filling of `area` from `base` upwards so that a bed of `bed_volume` [m³] will be more than full.
 pub fn fill(settings: &Settings, area: FillArea, base: f64, bed_volume: f64) -> Fill {
-    Fill { area, base, plane_step: settings["insertion_step"], volume: settings["insertion_ratio"] * bed_volume }
+    let density = settings["insertion_density"];
+    let rise = if density > 0.0 { Rise::ToDensity(density) } else { Rise::PerAttempt(settings["insertion_step"]) };
+    Fill { area, base, rise, volume: settings["insertion_ratio"] * bed_volume }
 }
 
 /// Height that no inserted grain exceeds, for walls and domain: the cloud at its loosest, and some grains.
 pub fn top(fill: &Fill, ground: f64, grains: &Grains) -> f64 {
-    fill.base + fill.volume / (ground * LOOSEST_CLOUD) + 10.0 * grains.size.largest()
+    let loosest = if let Rise::ToDensity(density) = fill.rise { density.min(LOOSEST_CLOUD) } else { LOOSEST_CLOUD };
+    fill.base + fill.volume / (ground * loosest) + 10.0 * grains.size.largest()
 }
 
 /// Whether grains at rest wait for what comes next.

@@ -385,6 +385,15 @@ pub const MATERIAL: &[SettingSpec] = &[
         "kinetic over elastic energy below which a run stops",
         "paper, section 3.2 (printed the other way round)",
     ),
+    SettingSpec::number(
+        "insertion_density",
+        "1",
+        (0.0, 0.0, 0.6),
+        ALL,
+        "solid fraction of the inserted cloud over the area of insertion; 0: the plane rises by insertion_step",
+        "the paper states no density",
+    )
+    .silent(),
     SettingSpec::choice(
         "waiting",
         &["full", "skipped"],

@@ -1,6 +1,6 @@
 //! Experiments: what they measure on states of known shape, what they refuse, and one small real run of each.
 
-use granulake::dem::{self, Action, ContactLaw, Event, Grains, Reference, State, TracePoint};
+use granulake::dem::{self, Action, ContactLaw, Event, Grains, Reference, Rise, State, TracePoint};
 use granulake::experiments::{self, EXPERIMENTS, Measurement, Reason};
 use granulake::settings::{SIEVES, Scope, Settings, specs};
 
@@ -301,7 +301,7 @@ fn the_default_is_the_papers_full_scale_study() {
         assert_eq!(setup.contact, ContactLaw { sliding_friction: 0.5, rolling_friction: 0.5, ..ContactLaw::default() });
         assert_eq!(setup.grains, Grains::default());
         assert_eq!(setup.gravity, [0.0, 0.0, -9.81]);
-        assert_eq!((setup.time_step_fraction, setup.fill.plane_step), (0.1, 1e-4));
+        assert_eq!((setup.time_step_fraction, setup.fill.rise), (0.1, Rise::PerAttempt(1e-4)));
         assert_eq!((setup.bridges, setup.stop.energy_ratio), (None, Some(1e-6)));
     }
     let species = |name: &str, wall: &str| {

@@ -5,7 +5,7 @@
 use granulake::dem::material::{damping_ratio, sphere_mass, time_step};
 use granulake::dem::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grain, Grains, LiquidBridges, Partner, Reference,
-    Region, Setup, Shape, SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies, World, simulate,
+    Region, Rise, Setup, Shape, SizeDistribution, StopRule, Trace, Vec3, Wall, WallSpecies, World, simulate,
 };
 use std::f64::consts::PI;
 
@@ -66,7 +66,12 @@ fn space(fraction: f64) -> Setup {
         gravity: [0.0; 3],
         time_step_fraction: fraction,
         walls: Vec::new(),
-        fill: Fill { area: FillArea::Disc { axis: [0.0; 2], radius: 0.04 }, base: 0.0, plane_step: 1e-3, volume: 4e-5 },
+        fill: Fill {
+            area: FillArea::Disc { axis: [0.0; 2], radius: 0.04 },
+            base: 0.0,
+            rise: Rise::PerAttempt(1e-3),
+            volume: 4e-5,
+        },
         events: Vec::new(),
         stop: StopRule { energy_ratio: Some(1e-6), waits: true, empty: None, check_after: 0.0, time_cap: 1.0 },
         domain: Region { lower: [-10.0; 3], upper: [10.0; 3] },
@@ -104,7 +109,12 @@ fn bed_setup() -> Setup {
         gravity: [0.0, 0.0, -GRAVITY],
         time_step_fraction: 0.15,
         walls: vec![floor(species), wall("side", Shape::Cylinder { axis: [0.0; 2], radius }, species)],
-        fill: Fill { area: FillArea::Disc { axis: [0.0; 2], radius }, base: 0.0, plane_step: 1e-3, volume: 1e-4 },
+        fill: Fill {
+            area: FillArea::Disc { axis: [0.0; 2], radius },
+            base: 0.0,
+            rise: Rise::PerAttempt(1e-3),
+            volume: 1e-4,
+        },
         events: vec![Event {
             time: 0.4,
             action: Action::DeleteAbove { height: 0.03, reference: Reference::Top, level: true },

@@ -1,7 +1,7 @@
 //! Whole runs: reproducibility, stop rules, events, typed failures.
 
 use super::*;
-use granulake::dem::{Failure, Outcome, Stop};
+use granulake::dem::{Failure, Outcome, Simulation, Stop};
 
 /// Hash over the bits of a state and its trace.
 fn digest(outcome: &Outcome) -> String {
@@ -134,6 +134,28 @@ fn absent_effects_are_bit_identical_to_zero_strength() {
     };
     assert_eq!(plain, spread(0.0));
     assert_ne!(plain.state, spread(0.3).state);
+}
+
+/// Up to the radii by which the first and the last grain stand out of the cloud, 1.2 cm at most each, of 16 to 80 cm.
+#[test]
+fn the_inserted_cloud_has_the_density_that_is_asked_for() {
+    let filled = |density: f64| {
+        let fill = Fill { rise: Rise::ToDensity(density), volume: 2e-4, ..bed_setup().fill };
+        let setup = Setup { fill, ..bed_setup() };
+        Simulation::new(&setup, 4).map(|run| run.world().state())
+    };
+    for density in [0.05, 0.15, 0.25] {
+        let state = filled(density).unwrap();
+        let volume: f64 = state.radius.iter().map(|r| 4.0 / 3.0 * PI * r * r * r).sum();
+        let height = state.z.iter().fold(0.0_f64, |top, z| top.max(*z));
+        let wanted = volume / (PI * 0.04 * 0.04) / density;
+        assert!((height - wanted).abs() < 0.015, "{density}: {height} m for {wanted}");
+        // None lies deeper than one that was placed before it.
+        assert!(state.z.windows(2).all(|pair| pair[0] <= pair[1]));
+    }
+    let jammed = filled(0.7).unwrap_err();
+    assert!(matches!(jammed, Failure::FillJammed { inserted, .. } if inserted > 0), "{jammed}");
+    assert!(jammed.to_string().contains("lower the insertion density"), "{jammed}");
 }
 
 #[test]
