@@ -6,6 +6,7 @@
 //! ```text
 //! bed cloud N SEED DIRECTORY             cloud of N grains as ours, and as data files of LIGGGHTS and LAMMPS
 //! bed settle FILE SECONDS STEPS OUT      settle a cloud, then time STEPS steps at every width of vectors; the bed goes to OUT
+//! bed common FILE SECONDS OUT            settle a cloud with the law that all three engines have; the bed goes to OUT
 //! bed convert FILE DIRECTORY             a bed as data files of LIGGGHTS and LAMMPS
 //! bed measure FILE                       density, coordination number and heights of `id x y z r` lines
 //! ```
@@ -41,6 +42,7 @@ fn main() {
         [] => bench(),
         ["cloud", count, seed, directory] => write(&cloud(number(count) as usize, number(seed) as u64), directory),
         ["settle", file, seconds, steps, out] => settle(&read(file), number(seconds), number(steps) as u64, out),
+        ["common", file, seconds, out] => save(&settled(&common(), &read(file), number(seconds)), out),
         ["convert", file, directory] => write(&read(file), directory),
         ["measure", file] => measure(&read(file)),
         _ => panic!("see the head of benches/bed.rs"),
@@ -80,9 +82,22 @@ fn setup() -> Setup {
         events: Vec::new(),
         stop: StopRule { energy_ratio: None, waits: true, empty: None, check_after: 0.0, time_cap: far },
         domain: Region { lower: [-far; 3], upper: [far; 3] },
-        periodic: None,
+        periodic: [None; 3],
         trace: None,
     }
+}
+
+/// The same with the law that LIGGGHTS and LAMMPS have too, to the letter: what LIGGGHTS does with a sliding dashpot beyond the
+/// limit is its own, and its `epsd2` rolls with a torque k_s R_eff² per angle, R_eff = D/2, and no dashpot.
+fn common() -> Setup {
+    let setup = setup();
+    let contact = ContactLaw {
+        rolling_stiffness_ratio: 0.25 * setup.contact.sliding_stiffness_ratio,
+        sliding_damping_factor: 0.0,
+        rolling_damping_factor: 0.0,
+        ..setup.contact
+    };
+    Setup { contact, ..setup }
 }
 
 /// Random places without contact, the largest spheres first; a column of cells keeps the search short.
@@ -171,17 +186,9 @@ fn row(line: &str) -> Option<(u64, Sphere)> {
     Some((id.parse().ok()?, numbers.try_into().ok()?))
 }
 
-/// Settles the spheres over a time [s] and prints the kinetic energy on the way, then times some steps.
+/// Settles the spheres over a time [s], then times some steps.
 fn settle(spheres: &[Sphere], duration: f64, steps: u64, out: &str) {
-    let mut world = world(spheres);
-    let mut report = 0.1;
-    while world.time() < duration {
-        world.step().expect("a step");
-        if world.time() >= report {
-            println!("kinetic {report:.1} {:.4e}", world.energies().translational);
-            report += 0.1;
-        }
-    }
+    let mut world = settled(&setup(), spheres, duration);
     let mut rates = Vec::new();
     for (name, vectors) in WIDTHS {
         world = world.with_vectors(vectors);
@@ -190,14 +197,32 @@ fn settle(spheres: &[Sphere], duration: f64, steps: u64, out: &str) {
     println!("listed {:.3}", world.listed_pairs() as f64 / world.len() as f64);
     println!("coordination {:.4}", world.coordination_number());
     rates.iter().for_each(|(name, rate)| println!("rate {name} {rate:.4e}"));
+    save(&world, out);
+}
+
+/// The spheres after a time [s]; prints the kinetic energy on the way.
+fn settled(setup: &Setup, spheres: &[Sphere], duration: f64) -> World {
+    let mut world = world(setup, spheres);
+    let mut report = 0.1;
+    while world.time() < duration {
+        world.step().expect("a step");
+        if world.time() >= report {
+            println!("kinetic {report:.1} {:.4e}", world.energies().translational);
+            report += 0.1;
+        }
+    }
+    world
+}
+
+fn save(world: &World, out: &str) {
     let state = world.state();
     let column = |k: usize| [state.x[k], state.y[k], state.z[k], state.radius[k]];
     fs::write(out, lines(&(0..state.len()).map(column).collect::<Vec<_>>())).expect("a file");
 }
 
-fn world(spheres: &[Sphere]) -> World {
+fn world(setup: &Setup, spheres: &[Sphere]) -> World {
     let grains: Vec<Grain> = spheres.iter().map(|&[x, y, z, r]| Grain::new(r, [x, y, z])).collect();
-    World::new(&setup(), &grains).expect("a world")
+    World::new(setup, &grains).expect("a world")
 }
 
 /// Particle-steps per second of processor time.
@@ -211,7 +236,7 @@ fn rate(world: &mut World, steps: u64) -> f64 {
 }
 
 fn bench() {
-    let mut world = world(&cloud(1000, 1));
+    let mut world = world(&setup(), &cloud(1000, 1));
     while world.time() < 0.35 {
         world.step().expect("a step");
     }

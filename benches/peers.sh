@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # The engine beside LIGGGHTS and LAMMPS (Debian's packages): the same spheres, physics and time step, one core.
 #
-#   benches/peers.sh           settles one cloud of 4,200 spheres in every engine and compares the beds; then times all
-#                              engines on one settled bed of 4,200 and one of 12,000 spheres (about 15 minutes)
+#   benches/peers.sh           settles clouds of 4,200 spheres in every engine and compares the beds; then times all
+#                              engines on one settled bed of 4,200 and one of 12,000 spheres (about 25 minutes)
 #   benches/peers.sh --quick   only times, on 4,200 spheres (about 2 minutes)
 #
 # Rates are particle-steps per second of processor time, best of three rounds in which the engines take turns. The last
@@ -29,11 +29,11 @@ trap 'rm -rf "$work"' EXIT
 cd "$work"
 export OMP_NUM_THREADS=1
 
-# Runs a peer: engine, data file, steps to warm up, steps, dump. What it prints goes to log.ENGINE.
+# Runs a peer: engine, data file, steps to warm up, steps, dump, and "off" for the law without dashpots. It logs to log.ENGINE.
 peer() {
   local program=$1
   [ "$1" = lammps ] && program=lmp
-  "$program" -in "$here/peers/in.$1" -var data "$2" -var warm "$3" -var steps "$4" -var out "$5" >"log.$1" 2>&1
+  "$program" -in "$here/peers/in.$1" -var data "$2" -var warm "$3" -var steps "$4" -var out "$5" -var dashpot "${6:-on}" >"log.$1" 2>&1
 }
 
 # Processor seconds of a peer's run.
@@ -58,26 +58,38 @@ rates() {
     END { for (engine in best) printf "rate %d %s %.3e %.2f\n", count, engine, best[engine], best["ours"] / best[engine] }'
 }
 
-# Settles one cloud in every engine and prints what each bed is like; four other clouds of ours show the scatter.
+# Prints what a bed is like: name, dump.
+report() {
+  "$BED" measure "$2" | sed "s/^/$1 /"
+}
+
+# Settles one cloud in every engine by the law of the study and prints what each bed is like; four other clouds of ours show the
+# scatter. Sliding with a dashpot and rolling are not quite the same in LIGGGHTS, so all engines then settle three clouds
+# by the law that they share.
 compare() {
   local engine seed steps=128000
   "$BED" cloud 4200 1 cloud4200
   "$BED" settle cloud4200/bed.txt 0.8 1000 dump.ours >log.ours
+  report ours dump.ours
+  sed -n 's/^kinetic/ours kinetic/p' log.ours
   for engine in liggghts lammps; do
-    peer $engine "cloud4200/bed.$engine" 0 $steps dump.$engine
-  done
-  for engine in ours liggghts lammps; do
-    "$BED" measure dump.$engine | sed "s/^/$engine /"
-    if [ $engine = ours ]; then
-      sed -n 's/^kinetic/ours kinetic/p' log.ours
-    else
-      awk -v engine=$engine '$1 ~ /^[0-9]+$/ && $2 == 4200 && NF == 4 && $1 > 0 && !seen[$1]++ { printf "%s kinetic %.1f %.4e\n", engine, $1 * 6.2515e-6, $4 }' log.$engine
-    fi
+    peer $engine "cloud4200/bed.$engine" 0 $steps dump
+    report $engine dump
+    awk -v engine=$engine '$1 ~ /^[0-9]+$/ && $2 == 4200 && NF == 4 && $1 > 0 && !seen[$1]++ { printf "%s kinetic %.1f %.4e\n", engine, $1 * 6.2515e-6, $4 }' log.$engine
   done
   for seed in 2 3 4 5; do
     "$BED" cloud 4200 $seed cloud
     "$BED" settle cloud/bed.txt 0.8 1 dump >log.ours
-    "$BED" measure dump | sed "s/^/ours_cloud_$seed /"
+    report "ours_cloud_$seed" dump
+  done
+  for seed in 1 2 3; do
+    "$BED" cloud 4200 $seed cloud
+    "$BED" common cloud/bed.txt 0.8 dump >log.ours
+    report "common_law_cloud_${seed}_ours" dump
+    for engine in liggghts lammps; do
+      peer $engine "cloud/bed.$engine" 0 $steps dump off
+      report "common_law_cloud_${seed}_$engine" dump
+    done
   done
 }
 

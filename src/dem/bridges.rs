@@ -10,8 +10,8 @@ use super::lanes::{Lanes, Mask, Number, Transposer, WIDTH};
 use super::lists::{PairList, Rivals, WallList};
 use super::material::sphere_mass;
 use super::particles::Particles;
-use super::setup::{LiquidBridges, Setup};
-use super::vector::{Row8, dot, length, pick, scale, sub, xyz};
+use super::setup::{LiquidBridges, Setup, Vec3};
+use super::vector::{Row8, dot, length, pick, scale, splat, sub, xyz};
 use super::walls::{Geometry, WallPiece, keeper};
 use pulp::{Simd, WithSimd};
 
@@ -72,8 +72,8 @@ pub struct PairBridges<'a> {
     pub grains: &'a mut Particles,
     /// Listed pairs.
     pub list: &'a mut PairList,
-    /// How far below itself the second grain is seen [m]: 0, or the period.
-    pub shift: f64,
+    /// How far below itself the second grain is seen [m].
+    pub shift: Vec3,
     /// The law.
     pub law: &'a Bridges,
 }
@@ -100,7 +100,7 @@ impl PairBridges<'_> {
         let (transposer, place) = (Transposer(simd), &self.grains.place);
         let [x, y, z, radius_i] = transposer.gather(|l| *place[ends[l][0] as usize]);
         let [u, v, w, radius_j] = transposer.gather(|l| *place[ends[l][1] as usize]);
-        let between = sub([x, y, z], [u, v - v.splat(self.shift), w]);
+        let between = sub([x, y, z], sub([u, v, w], splat(u, self.shift)));
         let (square, sum, zero) = (dot(between, between), radius_i + radius_j, Lanes::zero(simd));
         let touches = square.less(sum * sum) & filled;
         let bridge = &mut self.list.entries.bridge[block];

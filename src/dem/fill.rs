@@ -12,6 +12,7 @@ use super::clumps::{Clump, Row};
 use super::material::sphere_volume;
 use super::outcome::Failure;
 use super::particles::Grain;
+use super::period::Periods;
 use super::setup::{FillArea, Grains, Rise, Setup, Shape, Vec3, Wall};
 use super::stl::{Facet, is_closed};
 use super::vector::{add, dot, length, scale, sub};
@@ -255,6 +256,7 @@ fn lognormal(variation: f64, seed: u64, purpose: &str) -> impl FnMut() -> f64 {
 /// Insertion in progress: columns of grains that the plane can still touch.
 struct Inserter<'a> {
     setup: &'a Setup,
+    periods: Periods,
     surfaces: Vec<Surface>,
     /// For every surface the closed mesh that it is a facet of, as the number of its first surface.
     solids: Vec<Option<usize>>,
@@ -277,6 +279,7 @@ impl<'a> Inserter<'a> {
         let surfaces: Vec<Surface> = setup.walls.iter().map(|wall| Surface::new(&wall.shape)).collect();
         let mut inserter = Self {
             setup,
+            periods: Periods::new(setup.periodic),
             surfaces,
             solids: solids(&setup.walls),
             near_columns: vec![Vec::new(); shape[0] * shape[1]],
@@ -353,13 +356,10 @@ impl<'a> Inserter<'a> {
         free(cx, cy) && near(cy, 1).all(|y| near(cx, 0).all(|x| (x == cx && y == cy) || free(x, y)))
     }
 
-    /// Whether the images of the grain beyond the ends of the period would touch none.
+    /// Whether the images of the grain beyond the ends of a period would touch none.
     fn is_free_across(&self, place: Vec3, radius: f64) -> bool {
-        let Some([low, high]) = self.setup.periodic else { return true };
-        [low - high, high - low].into_iter().all(|shift| {
-            let image = [place[0], place[1] + shift, place[2]];
-            self.is_free(self.column_of(image[0], image[1]), image, radius)
-        })
+        let free = |image: Vec3| self.is_free(self.column_of(image[0], image[1]), image, radius);
+        self.periods.images(place).all(free)
     }
 
     fn clears_walls(&self, [cx, cy]: [usize; 2], place: Vec3, radius: f64) -> bool {

@@ -8,7 +8,7 @@ use super::lanes::{LaneRows, Lanes, Mask, Number, Transposer, Truths, WIDTH};
 use super::lists::{Block, Entries, PairList, Pairs, Rivals, Row, WallList};
 use super::particles::Particles;
 use super::setup::Vec3;
-use super::vector::{Row4, Row8, dot, pick, scale, splat, sub, xyz};
+use super::vector::{Row4, Row8, add, dot, pick, scale, splat, sub, xyz};
 use super::walls::{Geometry, Surface, WallPiece, keeper};
 use pulp::{Simd, WithSimd};
 
@@ -32,12 +32,12 @@ impl WithSimd for PairForces<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let kernel = Kernel { simd, transposer: Transposer(simd) };
-        let deep = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.law, 0.0);
-        deep | kernel.add_pairs::<false>(self.grains, &mut self.pairs.apart, self.law, 0.0)
+        let deep = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.law, [0.0; 3]);
+        deep | kernel.add_pairs::<false>(self.grains, &mut self.pairs.apart, self.law, [0.0; 3])
     }
 }
 
-/// Forces between grains that touch across the ends of the period.
+/// Forces between grains that touch across the ends of a period.
 pub struct AcrossForces<'a> {
     /// Grains, whose loads are added to.
     pub grains: &'a mut Particles,
@@ -45,8 +45,8 @@ pub struct AcrossForces<'a> {
     pub list: &'a mut PairList,
     /// The law between grains.
     pub law: &'a Coefficients,
-    /// The period [m].
-    pub period: f64,
+    /// How far below itself the second grain is seen [m].
+    pub shift: Vec3,
 }
 
 impl WithSimd for AcrossForces<'_> {
@@ -56,7 +56,7 @@ impl WithSimd for AcrossForces<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let kernel = Kernel { simd, transposer: Transposer(simd) };
-        kernel.add_pairs::<true>(self.grains, self.list, self.law, self.period)
+        kernel.add_pairs::<true>(self.grains, self.list, self.law, self.shift)
     }
 }
 
@@ -146,7 +146,7 @@ impl<S: Simd> Kernel<S> {
     /// Vectors per block.
     const PARTS: usize = WIDTH / S::F64_LANES;
 
-    /// Adds the forces between grains, with ACROSS of those whose second grain is seen a period lower. Tells whether an
+    /// Adds the forces between grains, with ACROSS of those whose second grain is seen a shift lower. Tells whether an
     /// overlap is too deep.
     #[inline(always)]
     fn add_pairs<const ACROSS: bool>(
@@ -154,7 +154,7 @@ impl<S: Simd> Kernel<S> {
         grains: &mut Particles,
         list: &mut PairList,
         law: &Coefficients,
-        period: f64,
+        shift: Vec3,
     ) -> bool {
         let count = list.len();
         let mut deep = false;
@@ -165,7 +165,7 @@ impl<S: Simd> Kernel<S> {
             let was_live = std::mem::replace(live, false);
             for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
                 let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
-                let touch = self.touch::<ACROSS>(&rows, ends, filled, period);
+                let touch = self.touch::<ACROSS>(&rows, ends, filled, shift);
                 if touch.active.any() {
                     let (response, too_deep) = self.respond_pairs(&rows, ends, &touch, block, part, law);
                     self.store_springs(&response.springs, touch.active, block, part);
@@ -182,11 +182,11 @@ impl<S: Simd> Kernel<S> {
 
     /// Which pairs touch.
     #[inline(always)]
-    fn touch<const ACROSS: bool>(self, rows: &Rows, ends: &[[u32; 2]], filled: Truths<S>, period: f64) -> Touch<S> {
+    fn touch<const ACROSS: bool>(self, rows: &Rows, ends: &[[u32; 2]], filled: Truths<S>, shift: Vec3) -> Touch<S> {
         let (a, b) = (|l: usize| *rows.place[ends[l][0] as usize], |l: usize| *rows.place[ends[l][1] as usize]);
         let [x, y, z, sum] = self.transposer.gather_between(a, b);
-        let y = if ACROSS { y + y.splat(period) } else { y };
-        let between = [x, y, z];
+        let apart = [x, y, z];
+        let between = if ACROSS { add(apart, splat(x, shift)) } else { apart };
         let square = dot(between, between);
         Touch { between, square, sum, active: square.less(sum * sum) & filled }
     }

@@ -46,16 +46,16 @@ pub struct PairList {
     start: Vec<u32>,
 }
 
-/// All listed pairs, in three lists: vectors of the first are full of contacts, most of the second are left early, and those
-/// of the third see their second grain from across the ends of the period.
+/// All listed pairs: vectors of the first list are full of contacts, most of the second are left early, and those of the
+/// others see their second grain from across the ends of a period, one list for every shift of [`super::period::Periods`].
 #[derive(Debug, Clone, Default)]
 pub struct Pairs {
     /// Pairs that touched at the last rebuild.
     pub touching: PairList,
     /// The others.
     pub apart: PairList,
-    /// Pairs (i, j) of a grain near the lower end of the period and one near the upper, whose image is a period below it.
-    pub across: PairList,
+    /// Pairs (i, j) of a grain near the lower ends and one near the upper, whose image is a shift below it.
+    pub across: Vec<PairList>,
 }
 
 /// Listed contacts of grains with walls.
@@ -255,24 +255,29 @@ impl PairList {
 impl Pairs {
     /// Whether the lists fit this number of grains.
     pub fn is_consistent(&self, grains: usize) -> bool {
-        self.lists().iter().all(|list| list.is_consistent(grains))
+        self.lists().all(|list| list.is_consistent(grains))
+    }
+
+    /// Empty lists with this number of shifts.
+    pub fn new(shifts: usize) -> Self {
+        Self { across: vec![PairList::default(); shifts], ..Self::default() }
     }
 
     /// Number of listed pairs.
     pub fn len(&self) -> usize {
-        self.touching.len() + self.apart.len() + self.across.len()
+        self.lists().map(PairList::len).sum()
     }
 
     /// The lists, in the order in which forces are added.
-    pub fn lists(&self) -> [&PairList; 3] {
-        [&self.touching, &self.apart, &self.across]
+    pub fn lists(&self) -> impl Iterator<Item = &PairList> {
+        [&self.touching, &self.apart].into_iter().chain(&self.across)
     }
 
     /// Empties the lists.
     pub fn clear(&mut self) {
         self.touching.clear();
         self.apart.clear();
-        self.across.clear();
+        self.across.iter_mut().for_each(PairList::clear);
     }
 
     /// Appends the pair (i, j), which was (a, b) in the numbering of `old`; a pair new to the lists asks for its constants.
@@ -292,21 +297,29 @@ impl Pairs {
         list.push(ends, older, sign, fresh);
     }
 
-    /// Appends the pair (i, j) that is near across the ends of the period, which was (a, b) in the numbering of `old`.
-    pub fn push_across(&mut self, ends: [u32; 2], old: &Self, [a, b]: [u32; 2], fresh: impl FnOnce() -> Constants) {
+    /// Appends the pair (i, j) that is near across the ends over which a shift leads, which was (a, b) in the numbering of `old`.
+    pub fn push_across(
+        &mut self,
+        shift: usize,
+        ends: [u32; 2],
+        old: &Self,
+        [a, b]: [u32; 2],
+        fresh: impl FnOnce() -> Constants,
+    ) {
         let (older, sign) = old.older(a, b);
-        self.across.push(ends, older, sign, fresh);
+        self.across[shift].push(ends, older, sign, fresh);
     }
 
     /// The entry of a pair, and -1 where it stands there the other way round.
     fn older(&self, a: u32, b: u32) -> (Option<(&Entries, usize)>, f64) {
         let (inside, sign) = if a < b { (self.find(a, b), 1.0) } else { (self.find(b, a), -1.0) };
-        if inside.is_some() || self.across.len() == 0 {
+        if inside.is_some() {
             return (inside, sign);
         }
-        match self.across.find(a, b) {
-            Some(found) => (Some(found), 1.0),
-            None => (self.across.find(b, a), -1.0),
+        let found = |a: u32, b: u32| self.across.iter().find_map(|list| list.find(a, b));
+        match found(a, b) {
+            Some(entry) => (Some(entry), 1.0),
+            None => (found(b, a), -1.0),
         }
     }
 

@@ -130,8 +130,8 @@ fn coefficients(contact: &ContactLaw, normal: f64, time_step: f64) -> Coefficien
         rolling,
         sliding_compliance: 1.0 / sliding,
         rolling_compliance: 1.0 / rolling,
-        sliding_damping_ratio: ratio(contact.sliding_stiffness_ratio),
-        rolling_damping_ratio: ratio(contact.rolling_stiffness_ratio),
+        sliding_damping_ratio: contact.sliding_damping_factor * ratio(contact.sliding_stiffness_ratio),
+        rolling_damping_ratio: contact.rolling_damping_factor * ratio(contact.rolling_stiffness_ratio),
         floor: if contact.clip_normal { 0.0 } else { f64::NEG_INFINITY },
         time_step,
     }

@@ -27,6 +27,7 @@ pub mod material;
 mod observe;
 mod outcome;
 mod particles;
+mod period;
 mod run;
 pub mod setup;
 mod sizes;

@@ -159,11 +159,11 @@ impl World {
 
     /// Calls `visit(grain, other, overlap, springs)` for every touching contact, in list order.
     fn for_each_contact(&self, mut visit: impl FnMut(usize, Other, f64, &Springs)) {
-        let period = self.period.map_or(0.0, |[low, high]| high - low);
-        for (list, shift) in self.pairs.lists().into_iter().zip([0.0, 0.0, period]) {
+        let shifts = [[0.0; 3]; 2].iter().chain(self.periods.shifts());
+        for (list, shift) in self.pairs.lists().zip(shifts) {
             for (k, &[i, j]) in list.pairs().iter().enumerate() {
                 let (a, mut b) = (self.grains.place[i as usize], self.grains.place[j as usize]);
-                b[1] -= shift;
+                b.iter_mut().zip(shift).for_each(|(place, shift)| *place -= shift);
                 if touch(&a, &b) {
                     let overlap = a[3] + b[3] - length(sub(xyz(&a), xyz(&b)));
                     visit(i as usize, Other::Grain(j as usize), overlap, &list.entries.springs(k));

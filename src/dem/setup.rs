@@ -32,9 +32,9 @@ pub struct Setup {
     pub stop: StopRule,
     /// Grains whose centre leaves this box are removed and counted.
     pub domain: Region,
-    /// Ends in y [m] of a piece that repeats itself: grains that leave at one end come in at the other and touch across it.
-    /// Walls are not repeated; they have to reach beyond both ends by a largest diameter.
-    pub periodic: Option<[f64; 2]>,
+    /// Ends along x, y and z [m] of a piece that repeats itself: grains that leave at one end come in at the other and touch
+    /// across it. Walls are not repeated; they have to reach beyond both ends by a largest diameter.
+    pub periodic: [Option<[f64; 2]>; 3],
     /// Samples of the mass in a region over time.
     pub trace: Option<Trace>,
 }
@@ -109,6 +109,10 @@ pub struct ContactLaw {
     pub sliding_stiffness_ratio: f64,
     /// Rolling stiffness over normal stiffness [-]; paper: 2/7.
     pub rolling_stiffness_ratio: f64,
+    /// Sliding dashpot over what `damping` says [-]; 0 is none.
+    pub sliding_damping_factor: f64,
+    /// Rolling dashpot over what `damping` says [-]; 0 is none, as in LIGGGHTS `epsd2`.
+    pub rolling_damping_factor: f64,
     /// Sliding friction μ_s between grains [-].
     pub sliding_friction: f64,
     /// Rolling friction μ_r between grains [-]; torque limit μ_r |F_n| D with D = 2 R_i R_j / (R_i + R_j).
@@ -358,6 +362,8 @@ impl Default for ContactLaw {
             wall_stiffness_ratio: 2.0,
             sliding_stiffness_ratio: 2.0 / 7.0,
             rolling_stiffness_ratio: 2.0 / 7.0,
+            sliding_damping_factor: 1.0,
+            rolling_damping_factor: 1.0,
             sliding_friction: 0.5,
             rolling_friction: 0.5,
             damping: Damping::Ratio(0.3),

@@ -25,12 +25,7 @@ pub fn validate(setup: &Setup) -> Result<(), Failure> {
     fill(setup)?;
     events(setup)?;
     region("domain", &setup.domain)?;
-    if let Some([low, high]) = setup.periodic {
-        let least = SHORTEST_PERIOD * setup.grains.largest();
-        let sound = low.is_finite() && high.is_finite() && high - low >= least;
-        let what = || format!("the period from y = {low} to {high} m is shorter than {least:.4} m, or not finite");
-        require(sound, what, "give it at least eight times the largest radius")?;
-    }
+    periods(setup)?;
     if let Some(trace) = &setup.trace {
         positive("trace interval", trace.interval)?;
         region("trace region", &trace.region)?;
@@ -39,12 +34,24 @@ pub fn validate(setup: &Setup) -> Result<(), Failure> {
     not_negative("time of the first stop check", setup.stop.check_after)
 }
 
+fn periods(setup: &Setup) -> Result<(), Failure> {
+    let least = SHORTEST_PERIOD * setup.grains.largest();
+    for (axis, [low, high]) in ["x", "y", "z"].iter().zip(setup.periodic).filter_map(|(axis, ends)| Some((axis, ends?)))
+    {
+        let sound = low.is_finite() && high.is_finite() && high - low >= least;
+        let what = || format!("the period from {axis} = {low} to {high} m is shorter than {least:.4} m, or not finite");
+        require(sound, what, "give it at least eight times the largest radius")?;
+    }
+    let rises = || "a period in z, along which the vessel is filled".into();
+    require(setup.periodic[2].is_none(), rises, "take it away, or place the grains by hand in a World")
+}
+
 /// Refuses clumps that are none, and clumps in a period, whose spheres would not see each other across its ends.
 ///
 /// # Errors
 /// [`Failure::InvalidSetup`] with the first thing that is wrong.
 pub fn clumps(setup: &Setup, clumps: &[Clump]) -> Result<(), Failure> {
-    let open = clumps.is_empty() || setup.periodic.is_none();
+    let open = clumps.is_empty() || setup.periodic == [None; 3];
     require(open, || "clumps in a period".into(), "take the period away, or give spheres")?;
     clumps.iter().try_for_each(|clump| {
         positive("radius of a clump", clump.radius)?;
@@ -113,6 +120,8 @@ fn contact(setup: &Setup) -> Result<(), Failure> {
     positive("wall stiffness ratio", law.wall_stiffness_ratio)?;
     positive("sliding stiffness ratio", law.sliding_stiffness_ratio)?;
     positive("rolling stiffness ratio", law.rolling_stiffness_ratio)?;
+    not_negative("sliding damping factor", law.sliding_damping_factor)?;
+    not_negative("rolling damping factor", law.rolling_damping_factor)?;
     not_negative("sliding friction", law.sliding_friction)?;
     not_negative("rolling friction", law.rolling_friction)?;
     match law.damping {

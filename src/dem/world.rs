@@ -17,10 +17,11 @@ use super::lists::{Pairs, Rivals, WallList};
 use super::material::{Law, pair_length, time_step};
 use super::outcome::{Failure, State};
 use super::particles::{Grain, Particles, touch};
+use super::period::Periods;
 use super::setup::{Reference, Region, Setup, Vec3, WallSpecies};
 use super::skin::Skin;
 use super::validate;
-use super::vector::{Row4, dot, xyz};
+use super::vector::{Row4, add, dot, xyz};
 use super::walls::{Geometry, SAME_POINT, WallPiece};
 use pulp::Arch;
 
@@ -65,8 +66,7 @@ pub struct World {
     density: f64,
     drag: f64,
     domain: Region,
-    /// Ends of the period in y [m].
-    pub(super) period: Option<[f64; 2]>,
+    pub(super) periods: Periods,
     time_step: f64,
     steps: u64,
     lost: usize,
@@ -120,11 +120,12 @@ impl World {
 
     /// Without grains, and without lists of them.
     fn empty(setup: &Setup) -> Self {
-        let time_step = time_step(setup);
+        let (time_step, periods) = (time_step(setup), Periods::new(setup.periodic));
+        let pairs = || Pairs::new(periods.shifts().len());
         Self {
             grains: Particles::default(),
             clumps: Clumps::default(),
-            pairs: Pairs::default(),
+            pairs: pairs(),
             contacts: WallList::default(),
             rivals: Rivals::default(),
             walls: setup.walls.iter().map(WallPiece::new).collect(),
@@ -135,13 +136,13 @@ impl World {
             density: setup.grains.density,
             drag: setup.grains.drag,
             domain: setup.domain,
-            period: setup.periodic,
             time_step,
             steps: 0,
             lost: 0,
             rebuilds: 0,
             skin: Skin::new(setup.grains.size.mean(), time_step),
-            spare: Spare::default(),
+            spare: Spare { pairs: pairs(), ..Spare::default() },
+            periods,
             inherit: Vec::new(),
             arch: Arch::new(),
         }
@@ -185,7 +186,8 @@ impl World {
         world.moving = world.walls.iter().any(WallPiece::moves);
         world.skin.restore(world.len(), input)?;
         let (grains, walls) = (world.len(), world.walls.len());
-        let lists = world.pairs.is_consistent(grains) && world.contacts.is_consistent(grains, walls);
+        let shifts = world.pairs.across.len() == world.periods.shifts().len();
+        let lists = shifts && world.pairs.is_consistent(grains) && world.contacts.is_consistent(grains, walls);
         if !world.grains.is_consistent() || !world.clumps.is_consistent(grains) || !lists {
             return None;
         }
@@ -283,8 +285,7 @@ impl World {
     }
 
     fn append(&self, i: usize, place: &Row4, state: &mut State) {
-        let [x, y, z, radius] = **place;
-        let y = self.period.map_or(y, |ends| wrapped(y, ends));
+        let ([x, y, z], radius) = (self.periods.wrapped(xyz(place)), place[3]);
         let ([vx, vy, vz], [wx, wy, wz]) = self.velocities_at(i, xyz(place));
         state.id.push(self.grains.id[i]);
         state.radius.push(radius);
@@ -344,15 +345,15 @@ impl World {
     fn evaluate(&mut self) -> Result<(), Failure> {
         let Self { grains, pairs, contacts, rivals, walls, law, inherit, arch, .. } = self;
         let mut deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
-        let length = self.period.map_or(0.0, |[low, high]| high - low);
-        if pairs.across.len() > 0 {
-            deep |= arch.dispatch(AcrossForces { grains, list: &mut pairs.across, law: &law.pair, period: length });
+        for (list, shift) in pairs.across.iter_mut().zip(self.periods.shifts()) {
+            deep |= arch.dispatch(AcrossForces { grains, list, law: &law.pair, shift: *shift });
         }
         let deep = deep | arch.dispatch(WallForces { grains, contacts, rivals, walls, law: &law.wall, inherit });
         if let Some(law) = &self.bridges {
             let Pairs { touching, apart, across } = &mut self.pairs;
-            for (list, shift) in [(touching, 0.0), (apart, 0.0), (across, length)] {
-                self.arch.dispatch(PairBridges { grains: &mut self.grains, list, shift, law });
+            let shifts = [[0.0; 3]; 2].iter().chain(self.periods.shifts());
+            for (list, shift) in [touching, apart].into_iter().chain(across).zip(shifts) {
+                self.arch.dispatch(PairBridges { grains: &mut self.grains, list, shift: *shift, law });
             }
             bridges::add_walls(&mut self.grains, &mut self.contacts, &self.rivals, &self.walls, law);
         }
@@ -436,8 +437,9 @@ impl World {
     /// Drops the grains not kept and those outside the domain, sorts the rest by cell and builds the lists anew.
     fn rebuild_kept(&mut self) -> Result<(), Failure> {
         self.check_finite()?;
-        if let Some(ends) = self.period {
-            self.grains.place.iter_mut().for_each(|place| place[1] = wrapped(place[1], ends));
+        for place in self.grains.place.iter_mut().filter(|_| !self.periods.shifts().is_empty()) {
+            let inside = self.periods.wrapped(xyz(place));
+            place[..3].copy_from_slice(&inside);
         }
         let before = self.count(&self.spare.keep);
         for (keep, place) in self.spare.keep.iter_mut().zip(&self.grains.place) {
@@ -454,25 +456,27 @@ impl World {
         self.clumps.reorder(&self.spare.grid.order, self.spare.grains.len());
         self.skin.reorder(&self.grains, &self.spare.grid.order);
         self.list_pairs(rupture);
-        if let Some(ends) = self.period {
-            self.list_across(ends, widest);
+        for shift in 0..self.periods.shifts().len() {
+            self.list_across(shift, widest);
         }
         self.list_walls(rupture);
         Ok(())
     }
 
-    /// Lists the pairs of a grain near the lower end of the period and one near the upper; `widest` is the largest reach [m].
-    fn list_across(&mut self, [low, high]: [f64; 2], widest: f64) {
-        let Self { grains, pairs, law, spare, .. } = self;
-        let order = &spare.grid.order;
-        for (i, row) in spare.reach.iter().enumerate().filter(|(_, row)| row[1] < low + 2.0 * widest) {
-            let image = Row4([row[0], row[1] + (high - low), row[2], row[3]]);
-            let reach = row[3] + widest;
+    /// Lists the pairs of a grain near the ends over which a shift leads and one that has it there as an image; `widest` is the
+    /// largest reach [m].
+    fn list_across(&mut self, shift: usize, widest: f64) {
+        let Self { grains, pairs, law, spare, periods, .. } = self;
+        let (order, way) = (&spare.grid.order, periods.shifts()[shift]);
+        let near = |(_, row): &(usize, &Row4)| periods.is_near(xyz(row), way, 2.0 * widest);
+        for (i, row) in spare.reach.iter().enumerate().filter(near) {
+            let [x, y, z] = add(xyz(row), way);
+            let (image, reach) = (Row4([x, y, z, row[3]]), row[3] + widest);
             let corners = [xyz(&image).map(|x| x - reach), xyz(&image).map(|x| x + reach)];
             spare.grid.visit_box(corners, |j| {
                 if touch(&image, &spare.reach[j]) {
                     let fresh = || pair_constants(grains, law, i, j);
-                    pairs.push_across([i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
+                    pairs.push_across(shift, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
                 }
             });
         }
@@ -568,16 +572,6 @@ impl World {
     }
 }
 
-/// A place in y, or its image in the period [m].
-fn wrapped(y: f64, [low, high]: [f64; 2]) -> f64 {
-    if (low..high).contains(&y) {
-        return y;
-    }
-    let inside = y - (high - low) * ((y - low) / (high - low)).floor();
-    // A hair below the lower end rounds to the upper one.
-    if inside < high { inside } else { low }
-}
-
 /// Constants of a pair. The frictions of two grains mix as harmonic means, as species do in MercuryDPM; where
 /// all grains have factor 1 the law's own numbers come out, bit for bit.
 fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Constants {
@@ -667,7 +661,7 @@ mod tests {
             events: Vec::new(),
             stop: StopRule { energy_ratio: None, waits: true, empty: None, check_after: 0.0, time_cap: 1.0 },
             domain: Region { lower: [-0.1, -0.1, -0.01], upper: [0.1, 0.1, 1.0] },
-            periodic: None,
+            periodic: [None; 3],
             trace: None,
         }
     }
@@ -692,19 +686,24 @@ mod tests {
         }
     }
 
-    /// Grains in a box that repeats itself in y, so that forces and bridges across its ends are taken too.
+    /// Grains in a box that repeats itself in x and y, so that forces and bridges across its ends and edges are taken too.
     #[test]
     fn every_vector_width_gives_the_same_bits_across_the_ends_of_a_period() {
-        let mut setup = Setup { periodic: Some([-0.05, 0.05]), ..setup() };
-        setup.walls.retain(|wall| matches!(wall.shape, Shape::Plane { .. }));
-        setup.fill.area = FillArea::Rectangle { x: [-0.03, 0.03], y: [-0.05, 0.05] };
+        let mut setup = Setup { periodic: [Some([-0.05, 0.05]), Some([-0.05, 0.05]), None], ..setup() };
+        setup.walls.retain(|wall| wall.name == "slope");
+        setup.walls[0].shape = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        setup.fill.area = FillArea::Rectangle { x: [-0.05, 0.05], y: [-0.05, 0.05] };
         setup.fill.base = 0.01;
         setup.fill.volume = 1e-4;
         let grains = fill(&setup, 1).unwrap().grains;
         let end = |vectors| {
             let mut world = World::new(&setup, &grains).unwrap().with_vectors(vectors);
-            (0..4000).for_each(|_| world.step().unwrap());
-            assert!(world.pairs.across.len() > 10, "{} pairs across", world.pairs.across.len());
+            let mut most = [0; 4];
+            for _ in 0..4000 {
+                world.step().unwrap();
+                most.iter_mut().zip(&world.pairs.across).for_each(|(most, list)| *most = list.len().max(*most));
+            }
+            assert!(most[..2].iter().all(|count| *count > 10) && most[2] + most[3] > 0, "{most:?} pairs across");
             world.state()
         };
         let scalar = end(Vectors::Scalar);

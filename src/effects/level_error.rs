@@ -25,7 +25,7 @@ impl Effect for LevelError {
     }
 
     fn source(&self) -> &'static str {
-        "1.8 mm equals the whole measured scatter of the bulk density"
+        "assumption: gravel is struck off to within about one grain"
     }
 
     fn apply(&self, strength: f64, settings: &mut Settings, _stream: &mut Stream) -> Result<(), SettingsError> {

@@ -16,6 +16,7 @@ mod fines;
 mod friction_spread;
 mod layer_thickness;
 mod level_error;
+mod level_scatter;
 mod library;
 mod load_cell_gain;
 mod particle_shape;
@@ -45,6 +46,7 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &friction_spread::FrictionSpread,
     &density_bias::DensityBias,
     &level_error::LevelError,
+    &level_scatter::LevelScatter,
     &tilt::Tilt,
     &camera_roll::CameraRoll,
     &wall_friction_drift::WallFrictionDrift,

@@ -65,6 +65,8 @@ pub fn contact(settings: &Settings, scale: f64) -> ContactLaw {
         wall_stiffness_ratio: settings["wall_stiffness_ratio"],
         sliding_stiffness_ratio: settings["sliding_stiffness_ratio"],
         rolling_stiffness_ratio: settings["rolling_stiffness_ratio"],
+        sliding_damping_factor: settings["sliding_damping_factor"],
+        rolling_damping_factor: settings["rolling_damping_factor"],
         sliding_friction: settings["sliding_friction"],
         rolling_friction: settings["rolling_friction"],
         damping: damping(settings),

@@ -63,7 +63,7 @@ impl Experiment for BulkDensity {
                 time_cap: settings["bulk_density.time_cap"] + tapped,
             },
             domain: Region { lower: [-2.0 * radius, -2.0 * radius, -radius], upper: [2.0 * radius, 2.0 * radius, top] },
-            periodic: None,
+            periodic: [None; 3],
             trace: None,
             grains,
         })

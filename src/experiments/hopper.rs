@@ -75,7 +75,7 @@ impl Experiment for Hopper {
             },
             // A grain this far below the outlet touches nothing any more.
             domain: Region { lower: [inside.lower[0], -depth, -2.0 * grains.size.largest()], upper: inside.upper },
-            periodic: None,
+            periodic: [None; 3],
             trace: Some(Trace { interval: settings["hopper.trace_interval"], region: inside }),
             grains,
         })

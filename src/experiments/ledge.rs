@@ -84,7 +84,7 @@ impl Experiment for Ledge {
                 time_cap: settings["ledge.time_cap"] + settings["release_duration"],
             },
             domain: Region { lower: [-length, -depth, -clear], upper: [outside, 2.0 * depth, top] },
-            periodic: None,
+            periodic: [None; 3],
             trace: Some(Trace {
                 interval: settings["ledge.trace_interval"],
                 region: Region { lower: [-length, -depth, 0.0], upper: [outer_edge(settings), 2.0 * depth, top] },

@@ -83,7 +83,7 @@ impl Experiment for Pile {
                 time_cap: settings["pile.time_cap"] + settings["release_duration"],
             },
             domain: Region { lower: [-side, -depth, -drop], upper: [side, 2.0 * depth, top] },
-            periodic: None,
+            periodic: [None; 3],
             trace: Some(Trace {
                 interval: settings["pile.trace_interval"],
                 region: Region { lower: [-half, -depth, drop], upper: [half, 2.0 * depth, top] },

@@ -239,6 +239,24 @@ pub const MATERIAL: &[SettingSpec] = &[
         "damping of the normal, sliding and rolling springs, read as `damping_reading` says",
         TABLE_4,
     ),
+    SettingSpec::number(
+        "sliding_damping_factor",
+        "1",
+        (1.0, 0.0, 2.0),
+        ALL,
+        "sliding dashpot over what `damping` says; 0: none, as in LIGGGHTS with tangential_damping off",
+        TABLE_4,
+    )
+    .silent(),
+    SettingSpec::number(
+        "rolling_damping_factor",
+        "1",
+        (1.0, 0.0, 2.0),
+        ALL,
+        "rolling dashpot over what `damping` says; 0: none, as in LIGGGHTS epsd2",
+        TABLE_4,
+    )
+    .silent(),
     SettingSpec::choice(
         "damping_reading",
         &["pair_ratio", "mean_particle", "per_mass", "constant", "restitution"],

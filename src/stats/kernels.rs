@@ -33,6 +33,34 @@ pub(in crate::stats) fn exp_in_place(values: &mut [f64]) {
     Arch::new().dispatch(Exponentials { values });
 }
 
+/// −½ Σ_d a_d (x_d − p_jd)² of every point p_j, summed in the order of d. `columns` holds the coordinates of all points one
+/// parameter after the other.
+pub(in crate::stats) fn squared_distances(columns: &[f64], x: &[f64], a: &[f64]) -> Vec<f64> {
+    let mut exponents = vec![0.0; columns.len() / x.len().max(1)];
+    Arch::new().dispatch(SquaredDistances { columns, x, a, exponents: &mut exponents });
+    exponents
+}
+
+/// Σ_j w_j (x_d − p_jd) for every d, summed in the order of j. `columns` as in [`squared_distances`].
+pub(in crate::stats) fn weighted_differences(columns: &[f64], x: &[f64], w: &[f64]) -> Vec<f64> {
+    let n = w.len();
+    let mut sums = vec![0.0; x.len()];
+    for (block, (sums, x)) in sums.chunks_mut(PANEL).zip(x.chunks(PANEL)).enumerate() {
+        // Lanes beyond the last parameter repeat the first one and are thrown away: the sums of a panel do not wait for each other.
+        let lane = |l: usize| if l < x.len() { l } else { 0 };
+        let column = |l: usize| &columns[(PANEL * block + lane(l)) * n..][..n];
+        let (p, x) = ([column(0), column(1), column(2), column(3)], [x[0], x[lane(1)], x[lane(2)], x[lane(3)]]);
+        let mut panel = [0.0; PANEL];
+        for j in 0..n {
+            for l in 0..PANEL {
+                panel[l] += w[j] * (x[l] - p[l][j]);
+            }
+        }
+        sums.copy_from_slice(&panel[..sums.len()]);
+    }
+    sums
+}
+
 /// Inner product, summed in four interleaved partial sums so that it vectorises in a fixed order.
 #[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -211,6 +239,28 @@ fn dots(a: &[f64], others: [&[f64]; PANEL]) -> [f64; PANEL] {
     values
 }
 
+struct SquaredDistances<'a> {
+    columns: &'a [f64],
+    x: &'a [f64],
+    a: &'a [f64],
+    exponents: &'a mut [f64],
+}
+
+impl WithSimd for SquaredDistances<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { columns, x, a, exponents } = self;
+        for ((column, x), a) in columns.chunks_exact(exponents.len().max(1)).zip(x).zip(a) {
+            for (sum, p) in exponents.iter_mut().zip(column) {
+                *sum += a * (x - p) * (x - p);
+            }
+        }
+        exponents.iter_mut().for_each(|sum| *sum *= -0.5);
+    }
+}
+
 struct Exponentials<'a> {
     values: &'a mut [f64],
 }
@@ -293,6 +343,23 @@ mod tests {
         // One by one, so that the slow path of a neighbour hides nothing.
         for x in arguments.iter().filter(|x| (-700.0..=0.0).contains(*x)) {
             assert_eq!(exp_of_negative(*x).to_bits(), libm::exp(*x).to_bits(), "exp({x:e})");
+        }
+    }
+
+    #[test]
+    fn distances_and_differences_are_summed_in_order() {
+        for (n, dimension) in [(1, 1), (7, 3), (33, 4), (20, 5), (9, 9)] {
+            let mut stream = Stream::new(n as u64, "distances");
+            let mut normals = |count: usize| (0..count).map(|_| stream.normal()).collect::<Vec<f64>>();
+            let (columns, x, a, w) = (normals(n * dimension), normals(dimension), normals(dimension), normals(n));
+            let (exponents, sums) = (squared_distances(&columns, &x, &a), weighted_differences(&columns, &x, &w));
+            for j in 0..n {
+                let terms = (0..dimension).map(|d| a[d] * (x[d] - columns[d * n + j]) * (x[d] - columns[d * n + j]));
+                assert_eq!(exponents[j], -0.5 * terms.sum::<f64>());
+            }
+            for d in 0..dimension {
+                assert_eq!(sums[d], (0..n).map(|j| w[j] * (x[d] - columns[d * n + j])).sum::<f64>());
+            }
         }
     }
 

@@ -282,6 +282,34 @@ fn a_signature_lost_in_its_own_error_is_not_resolved_and_never_named() {
     assert_eq!(report.effects[2].status, Status::NotTestable("no trend rows".into()));
 }
 
+/// A scatter shifts ln s by the square of its strength: nothing of it is left at a small one, where calibration imitates the rest.
+#[test]
+fn an_effect_that_shows_at_large_strengths_alone_is_visible_by_these() {
+    let mut problem = world();
+    let (bend, inside) = (planted(&problem, 1, 1.0), problem.jacobian.column(0) * 0.05);
+    let at =
+        |strength: f64| Signature { strength, per_unit: &inside + &bend * (strength / 10.0), shift: DVector::zeros(3) };
+    problem.candidates[1].signatures = [0.1, 2.5, 5.0, 10.0].map(at).to_vec();
+    let shift = at(9.0).per_unit * 9.0;
+    let report = observe(&problem, &shift, 15);
+    let size = report.effect("size").expect("a report");
+    assert_eq!((&size.status, size.a < 0.1), (&Status::Testable, true), "a = {}", size.a);
+    let hits = count(&problem, &shift, 100, 15, |verdict| is_named(verdict, "size"));
+    assert!(hits >= 90, "{hits} of 100");
+}
+
+/// What is left of a signature may be the error of J alone: that is not known to be absorbed, and no more to be visible.
+#[test]
+fn a_signature_that_an_uncertain_slope_may_hide_is_not_resolved() {
+    let mut problem = world();
+    let inside = problem.jacobian.column(0) * 0.5;
+    problem.candidates[1].signatures[0].per_unit = planted(&problem, 1, 0.5) + inside;
+    let shift = planted(&problem, 1, 6.0);
+    assert_eq!(observe(&problem, &shift, 16).effects[1].status, Status::Testable);
+    problem.jacobian_covariance = vec![&problem.covariance * 9.0, DMatrix::zeros(M, M), DMatrix::zeros(M, M)];
+    assert_eq!(observe(&problem, &shift, 16).effects[1].status, Status::SignatureNotResolved);
+}
+
 /// What the full model fits best with none of it is rejected with its numbers, and still has a detection limit.
 #[test]
 fn an_effect_whose_best_strength_is_zero_is_rejected_with_its_numbers() {

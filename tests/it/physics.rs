@@ -75,7 +75,7 @@ fn space(fraction: f64) -> Setup {
         events: Vec::new(),
         stop: StopRule { energy_ratio: Some(1e-6), waits: true, empty: None, check_after: 0.0, time_cap: 1.0 },
         domain: Region { lower: [-10.0; 3], upper: [10.0; 3] },
-        periodic: None,
+        periodic: [None; 3],
         trace: None,
     }
 }

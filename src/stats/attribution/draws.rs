@@ -5,7 +5,7 @@
 //! estimated from few repetitions), the shift of the effect, and the error of its signature. Every purpose has its own random stream; strengths of one search share it, so that
 //! the detection probability varies smoothly with the strength.
 
-use super::effect::Curve;
+use super::effect::{Curve, Strongest};
 use super::judge::{Critical, Found, Machine, Seen};
 use super::noise::{Noise, tail_ratio};
 use super::outcome::DetectionLimit;
@@ -27,8 +27,9 @@ pub(super) struct World {
 }
 
 impl World {
-    /// `norm2` is the bias-corrected squared size of the projected signature, `raw_norm2` the uncorrected one.
-    pub(super) fn new(curve: &Curve, error: &DMatrix<f64>, norm2: f64, raw_norm2: f64) -> Self {
+    /// The true signature is taken to be smaller than `curve` by what its own error adds to the size of its strongest node.
+    pub(super) fn new(curve: &Curve, error: &DMatrix<f64>, strongest: Strongest) -> Self {
+        let Strongest { norm2, raw_norm2, .. } = strongest;
         let shrink = if raw_norm2 > 0.0 { (norm2 / raw_norm2).sqrt() } else { 0.0 };
         let root = error.iter().any(|x| *x != 0.0).then(|| {
             let eigen = error.clone().symmetric_eigen();

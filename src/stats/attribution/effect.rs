@@ -68,6 +68,12 @@ impl Curve {
         &self.vectors[(1..self.strengths.len()).fold(0, nearest)]
     }
 
+    /// The node of the largest shift |η|·‖v‖: where an effect shows itself, if it does. A scatter has no slope at zero.
+    fn strongest(&self) -> usize {
+        let shift = |i: usize| self.strengths[i] * self.strengths[i] * dot(&self.vectors[i], &self.vectors[i]);
+        (1..self.strengths.len()).fold(0, |best, i| if shift(i) > shift(best) { i } else { best })
+    }
+
     /// Every vector multiplied by a matrix.
     pub(super) fn mapped(&self, matrix: &DMatrix<f64>) -> Self {
         let map = |v: &Vec<f64>| (matrix * DVector::from_column_slice(v)).as_slice().to_vec();
@@ -244,10 +250,31 @@ impl Projected {
         if norm > 0.0 { dot(v, t) / norm } else { 0.0 }
     }
 
-    /// p-value of "the projected signature is nothing but its own error".
-    pub(super) fn significance(&self, full_norm2: f64) -> f64 {
-        significance(self.curve.local(), &self.lambda, full_norm2)
+    /// The signature by which the effect is judged visible or not: the one that shifts most of what calibration leaves.
+    pub(super) fn strongest(&self) -> Strongest {
+        let node = self.curve.strongest();
+        let vector = &self.curve.vectors[node];
+        let (raw_norm2, error) = (dot(vector, vector), self.lambda.iter().sum::<f64>());
+        Strongest { node, strength: self.curve.strengths[node], raw_norm2, norm2: (raw_norm2 - error).max(0.0) }
     }
+
+    /// p-value of "the projected signature at a node is nothing but its own error".
+    pub(super) fn significance(&self, node: usize, full_norm2: f64) -> f64 {
+        significance(&self.curve.vectors[node], &self.lambda, full_norm2)
+    }
+}
+
+/// The signature of an effect that shifts most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Strongest {
+    /// Its place among the signatures.
+    pub node: usize,
+    /// Its strength.
+    pub strength: f64,
+    /// ‖Mg̃‖², as it came.
+    pub raw_norm2: f64,
+    /// The same, bias-corrected.
+    pub norm2: f64,
 }
 
 /// p-value of "this vector is nothing but its error", in the eigenbasis of the error with variances `lambda`.

@@ -13,7 +13,8 @@ use super::{AttributionError, Candidate, Options, Problem, RowKind};
 use crate::stats::special;
 use nalgebra::{DMatrix, DVector};
 
-/// Strengths below this many local standard deviations at the end of the range count as out of reach.
+/// An effect that shifts what calibration leaves by less than this many standard deviations at its most visible strength is
+/// out of reach.
 const REACH: f64 = 3.0;
 
 /// Runs the whole attribution. The same problem and options give the same bits.
@@ -42,9 +43,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
         .iter()
         .zip(&errors)
         .zip(&machine.effects[0])
-        .map(|((curve, error), effect)| {
-            World::new(curve, error, effect.local_norm2(), dot(effect.curve.local(), effect.curve.local()))
-        })
+        .map(|((curve, error), effect)| World::new(curve, error, effect.strongest()))
         .collect();
     let noise = Noise::new(problem, &whitened, options);
     let null = draws::calibrate(&mut machine, &noise, &worlds);
@@ -97,24 +96,27 @@ struct Visible {
 
 impl Visible {
     fn new(machine: &Machine, whitened: &Whitened, candidate: &Candidate, signature: &Curve, k: usize) -> Self {
-        let effect = &machine.effects[0][k];
-        let raw_error = whitened.covariance(&candidate.covariance);
-        let full = dot(signature.local(), signature.local());
+        let (effect, basis) = (&machine.effects[0][k], &machine.geometries[0].basis);
+        let (strongest, raw_error) = (effect.strongest(), whitened.covariance(&candidate.covariance));
+        let vector = &signature.vectors[strongest.node];
+        let full = dot(vector, vector);
         let full_norm2 = (full - raw_error.trace()).max(0.0);
-        let visibility = if full_norm2 > 0.0 { (effect.local_norm2() / full_norm2).min(1.0) } else { 0.0 };
-        let (p, level) = (effect.significance(full), machine.options.signature_level);
-        let reach = candidate.range.0.abs().max(candidate.range.1) * effect.local_norm2().sqrt();
-        let known = raw_significance(signature.local(), &raw_error) <= level;
+        let share = |left: f64| if full_norm2 > 0.0 { (left / full_norm2).min(1.0) } else { 0.0 };
+        // What an uncertain J may have left over says nothing for "absorbed": that is "not resolved".
+        let left = (strongest.raw_norm2 - (basis.transpose() * &raw_error * basis).trace()).max(0.0);
+        let reach = strongest.strength.abs() * left.sqrt();
+        let (p, level) = (effect.significance(strongest.node, full), machine.options.signature_level);
+        let known = raw_significance(vector, &raw_error) <= level;
         let status = if let Err(why) = &candidate.testable {
             Status::NotTestable(why.clone())
-        } else if known && visibility < machine.options.visibility && reach < REACH {
+        } else if known && share(left) < machine.options.visibility && reach < REACH {
             Status::AbsorbedByCalibration
-        } else if p > level || effect.local_norm2() <= 0.0 {
+        } else if p > level || strongest.norm2 <= 0.0 {
             Status::SignatureNotResolved
         } else {
             Status::Testable
         };
-        Self { status, visibility, p }
+        Self { status, visibility: share(strongest.norm2), p }
     }
 }
 

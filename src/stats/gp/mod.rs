@@ -8,7 +8,7 @@
 
 pub mod likelihood;
 
-use super::kernels::exp_in_place;
+use super::kernels::{exp_in_place, squared_distances, weighted_differences};
 use super::linalg::{LinalgError, SpdFactor, dot};
 use super::points::Points;
 
@@ -52,6 +52,8 @@ impl Hyperparameters {
 #[derive(Debug, Clone)]
 pub struct GaussianProcess {
     training: TrainingSet,
+    /// Coordinates of the points, one parameter after the other.
+    columns: Vec<f64>,
     hyper: Hyperparameters,
     a: Vec<f64>,
     trend: Trend,
@@ -96,7 +98,9 @@ impl GaussianProcess {
         assert_eq!(hyper.log10_a.len(), training.points.dimension(), "one length scale per parameter");
         let likelihood = likelihood::Likelihood::new(&training, trend);
         let fit = likelihood.condition(&hyper)?;
-        Ok(Self { training, a: hyper.inverse_squared_lengths(), hyper, trend, fit })
+        let points = &training.points;
+        let columns = (0..points.dimension()).flat_map(|d| points.rows().map(move |row| row[d])).collect();
+        Ok(Self { columns, training, a: hyper.inverse_squared_lengths(), hyper, trend, fit })
     }
 
     /// Data the process was conditioned on.
@@ -126,19 +130,17 @@ impl GaussianProcess {
 
     /// σ_f² k(x, x_j) for every training point.
     fn covariances(&self, x: &[f64]) -> Vec<f64> {
-        let exponent = |point: &[f64]| -> f64 {
-            -0.5 * (0..x.len()).map(|d| self.a[d] * (x[d] - point[d]) * (x[d] - point[d])).sum::<f64>()
-        };
-        let mut covariances: Vec<f64> = self.training.points.rows().map(exponent).collect();
+        let mut covariances = squared_distances(&self.columns, x, &self.a);
         exp_in_place(&mut covariances);
         covariances.iter_mut().for_each(|value| *value *= self.hyper.variance);
         covariances
     }
 
-    /// Σ_j weights_j ∂k(x, x_j)/∂x_d with ∂k_j/∂x_d = −a_d (x_d − x_jd) k_j.
-    fn slope(&self, x: &[f64], k: &[f64], weights: &[f64], d: usize) -> f64 {
-        let term = |j: usize| weights[j] * k[j] * (x[d] - self.training.points.row(j)[d]);
-        -self.a[d] * (0..k.len()).map(term).sum::<f64>()
+    /// Σ_j weights_j ∂k(x, x_j)/∂x_d for every d, with ∂k_j/∂x_d = −a_d (x_d − x_jd) k_j.
+    fn slopes(&self, x: &[f64], k: &[f64], weights: &[f64]) -> Vec<f64> {
+        let weighted: Vec<f64> = weights.iter().zip(k).map(|(weight, k)| weight * k).collect();
+        let sums = weighted_differences(&self.columns, x, &weighted);
+        sums.iter().zip(&self.a).map(|(sum, a)| -a * sum).collect()
     }
 
     /// E f(x) alone, eq. 8: a tenth of the work of [`GaussianProcess::predict`].
@@ -149,8 +151,7 @@ impl GaussianProcess {
     /// E f(x) and its gradient, eq. 8: also a small part of the work of [`GaussianProcess::predict`].
     pub fn mean_with_gradient(&self, x: &[f64]) -> (f64, Vec<f64>) {
         let k = self.covariances(x);
-        let gradient = (0..x.len()).map(|d| self.slope(x, &k, &self.fit.alpha, d)).collect();
-        (self.fit.beta + dot(&k, &self.fit.alpha), gradient)
+        (self.fit.beta + dot(&k, &self.fit.alpha), self.slopes(x, &k, &self.fit.alpha))
     }
 
     /// Mean and variance of the latent f at `x`, with their gradients.
@@ -159,18 +160,15 @@ impl GaussianProcess {
         let half = self.fit.factor.half_solve(&k);
         let solved = self.fit.factor.transposed_half_solve(&half);
         let (gap, information) = self.trend_gap(&k);
-        // Contracted with α, K⁻¹k and K⁻¹1.
-        let slope = |weights: &[f64], d: usize| self.slope(x, &k, weights, d);
-        let variance_slope = |d: usize| {
-            let trend = if information > 0.0 { gap * slope(&self.fit.weights, d) / information } else { 0.0 };
-            -2.0 * (slope(&solved, d) + trend)
-        };
+        let of_solved = self.slopes(x, &k, &solved);
+        let of_trend = if information > 0.0 { self.slopes(x, &k, &self.fit.weights) } else { vec![0.0; x.len()] };
+        let trend = |slope: f64| if information > 0.0 { gap * slope / information } else { 0.0 };
         let trend_variance = if information > 0.0 { gap * gap / information } else { 0.0 };
         Latent {
             mean: self.fit.beta + dot(&k, &self.fit.alpha),
             variance: (self.hyper.variance - dot(&half, &half) + trend_variance).max(0.0),
-            mean_gradient: (0..x.len()).map(|d| slope(&self.fit.alpha, d)).collect(),
-            variance_gradient: (0..x.len()).map(variance_slope).collect(),
+            mean_gradient: self.slopes(x, &k, &self.fit.alpha),
+            variance_gradient: of_solved.iter().zip(of_trend).map(|(s, t)| -2.0 * (s + trend(t))).collect(),
         }
     }
 
