@@ -137,7 +137,8 @@ pub struct Candidate {
     /// Physical range of the strength; contains 0 (absent). A range that ends at 0 constrains the sign.
     pub range: (f64, f64),
     /// Signatures in increasing order of strength; between them the secant is interpolated linearly, beyond them it is
-    /// held. One suffices for an effect that acts linearly; adding the one recomputed at η̂ sharpens the leftover test.
+    /// held. One at the end of the range suffices for an effect that acts linearly; adding the one recomputed at η̂ sharpens the
+    /// leftover test. Whether the effect can be seen at all is judged by the one that shifts most.
     pub signatures: Vec<Signature>,
     /// Covariance of the error of a signature per unit of strength (m × m), zero if it is exact.
     pub covariance: DMatrix<f64>,

@@ -178,9 +178,9 @@ pub struct EffectReport {
     pub status: Status,
     /// a = ‖Mg̃‖ of the local signature, bias-corrected, per unit of strength.
     pub a: f64,
-    /// a²/‖g̃‖², both bias-corrected: the share of the signature that calibration cannot imitate.
+    /// ‖Mg̃‖²/‖g̃‖² of the signature that shifts most, both bias-corrected: the share that calibration cannot imitate.
     pub visibility: f64,
-    /// p-value of "the projected signature is only its own error".
+    /// p-value of "the same projected signature is only its own error".
     pub signature_p: f64,
     /// z = uᵀr̃ of the local signature.
     pub z: f64,
