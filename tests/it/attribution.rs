@@ -298,18 +298,6 @@ fn an_effect_that_shows_at_large_strengths_alone_is_visible_by_these() {
     assert!(hits >= 90, "{hits} of 100");
 }
 
-/// What is left of a signature may be the error of J alone: that is not known to be absorbed, and no more to be visible.
-#[test]
-fn a_signature_that_an_uncertain_slope_may_hide_is_not_resolved() {
-    let mut problem = world();
-    let inside = problem.jacobian.column(0) * 0.5;
-    problem.candidates[1].signatures[0].per_unit = planted(&problem, 1, 0.5) + inside;
-    let shift = planted(&problem, 1, 6.0);
-    assert_eq!(observe(&problem, &shift, 16).effects[1].status, Status::Testable);
-    problem.jacobian_covariance = vec![&problem.covariance * 9.0, DMatrix::zeros(M, M), DMatrix::zeros(M, M)];
-    assert_eq!(observe(&problem, &shift, 16).effects[1].status, Status::SignatureNotResolved);
-}
-
 /// What the full model fits best with none of it is rejected with its numbers, and still has a detection limit.
 #[test]
 fn an_effect_whose_best_strength_is_zero_is_rejected_with_its_numbers() {

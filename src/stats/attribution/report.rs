@@ -96,27 +96,25 @@ struct Visible {
 
 impl Visible {
     fn new(machine: &Machine, whitened: &Whitened, candidate: &Candidate, signature: &Curve, k: usize) -> Self {
-        let (effect, basis) = (&machine.effects[0][k], &machine.geometries[0].basis);
+        let effect = &machine.effects[0][k];
         let (strongest, raw_error) = (effect.strongest(), whitened.covariance(&candidate.covariance));
         let vector = &signature.vectors[strongest.node];
         let full = dot(vector, vector);
         let full_norm2 = (full - raw_error.trace()).max(0.0);
-        let share = |left: f64| if full_norm2 > 0.0 { (left / full_norm2).min(1.0) } else { 0.0 };
-        // What an uncertain J may have left over says nothing for "absorbed": that is "not resolved".
-        let left = (strongest.raw_norm2 - (basis.transpose() * &raw_error * basis).trace()).max(0.0);
-        let reach = strongest.strength.abs() * left.sqrt();
+        let visibility = if full_norm2 > 0.0 { (strongest.norm2 / full_norm2).min(1.0) } else { 0.0 };
+        let reach = strongest.strength.abs() * strongest.norm2.sqrt();
         let (p, level) = (effect.significance(strongest.node, full), machine.options.signature_level);
         let known = raw_significance(vector, &raw_error) <= level;
         let status = if let Err(why) = &candidate.testable {
             Status::NotTestable(why.clone())
-        } else if known && share(left) < machine.options.visibility && reach < REACH {
+        } else if known && visibility < machine.options.visibility && reach < REACH {
             Status::AbsorbedByCalibration
         } else if p > level || strongest.norm2 <= 0.0 {
             Status::SignatureNotResolved
         } else {
             Status::Testable
         };
-        Self { status, visibility: share(strongest.norm2), p }
+        Self { status, visibility, p }
     }
 }
 
