@@ -68,10 +68,11 @@ impl Curve {
         &self.vectors[(1..self.strengths.len()).fold(0, nearest)]
     }
 
-    /// The node of the largest shift |η|·‖v‖: where an effect shows itself, if it does. A scatter has no slope at zero.
-    fn strongest(&self) -> usize {
-        let shift = |i: usize| self.strengths[i] * self.strengths[i] * dot(&self.vectors[i], &self.vectors[i]);
-        (1..self.strengths.len()).fold(0, |best, i| if shift(i) > shift(best) { i } else { best })
+    /// The node of the largest ‖v‖, whose error is the same at all of them: the local one where an effect saturates, the last
+    /// one of a scatter, which has no slope at zero.
+    fn steepest(&self) -> usize {
+        let norm2 = |i: usize| dot(&self.vectors[i], &self.vectors[i]);
+        (1..self.strengths.len()).fold(0, |best, i| if norm2(i) > norm2(best) { i } else { best })
     }
 
     /// Every vector multiplied by a matrix.
@@ -239,8 +240,7 @@ impl Projected {
 
     /// a² of the local signature, bias-corrected: ‖Mg̃‖² − tr MΣ_gM, not below 0.
     pub(super) fn local_norm2(&self) -> f64 {
-        let error: f64 = self.lambda.iter().sum();
-        (dot(self.curve.local(), self.curve.local()) - error).max(0.0)
+        self.corrected(dot(self.curve.local(), self.curve.local()))
     }
 
     /// z = uᵀt of a rotated residual with the unit vector of the local signature; 0 for a signature of zero.
@@ -250,12 +250,22 @@ impl Projected {
         if norm > 0.0 { dot(v, t) / norm } else { 0.0 }
     }
 
-    /// The signature by which the effect is judged visible or not: the one that shifts most of what calibration leaves.
-    pub(super) fn strongest(&self) -> Strongest {
-        let node = self.curve.strongest();
-        let vector = &self.curve.vectors[node];
-        let (raw_norm2, error) = (dot(vector, vector), self.lambda.iter().sum::<f64>());
-        Strongest { node, strength: self.curve.strengths[node], raw_norm2, norm2: (raw_norm2 - error).max(0.0) }
+    /// The signature by which the effect is judged visible or not.
+    pub(super) fn steepest(&self) -> Steepest {
+        let node = self.curve.steepest();
+        let raw_norm2 = dot(&self.curve.vectors[node], &self.curve.vectors[node]);
+        Steepest { node, raw_norm2, norm2: self.corrected(raw_norm2) }
+    }
+
+    /// The largest |η|·‖Mg̃‖ of all signatures, bias-corrected.
+    pub(super) fn reach(&self) -> f64 {
+        let shift = |(strength, v): (&f64, &Vec<f64>)| strength.abs() * self.corrected(dot(v, v)).sqrt();
+        self.curve.strengths.iter().zip(&self.curve.vectors).map(shift).fold(0.0, f64::max)
+    }
+
+    /// A squared size less what the error adds to it, not below 0.
+    fn corrected(&self, raw_norm2: f64) -> f64 {
+        (raw_norm2 - self.lambda.iter().sum::<f64>()).max(0.0)
     }
 
     /// p-value of "the projected signature at a node is nothing but its own error".
@@ -264,13 +274,11 @@ impl Projected {
     }
 }
 
-/// The signature of an effect that shifts most.
+/// The signature of an effect that changes most per unit of strength.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Strongest {
+pub(super) struct Steepest {
     /// Its place among the signatures.
     pub node: usize,
-    /// Its strength.
-    pub strength: f64,
     /// ‖Mg̃‖², as it came.
     pub raw_norm2: f64,
     /// The same, bias-corrected.

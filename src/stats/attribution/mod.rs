@@ -138,7 +138,7 @@ pub struct Candidate {
     pub range: (f64, f64),
     /// Signatures in increasing order of strength; between them the secant is interpolated linearly, beyond them it is
     /// held. One at the end of the range suffices for an effect that acts linearly; adding the one recomputed at η̂ sharpens the
-    /// leftover test. Whether the effect can be seen at all is judged by the one that shifts most.
+    /// leftover test. Whether the effect can be seen at all is judged by the largest of them.
     pub signatures: Vec<Signature>,
     /// Covariance of the error of a signature per unit of strength (m × m), zero if it is exact.
     pub covariance: DMatrix<f64>,

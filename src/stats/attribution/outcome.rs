@@ -178,7 +178,7 @@ pub struct EffectReport {
     pub status: Status,
     /// a = ‖Mg̃‖ of the local signature, bias-corrected, per unit of strength.
     pub a: f64,
-    /// ‖Mg̃‖²/‖g̃‖² of the signature that shifts most, both bias-corrected: the share that calibration cannot imitate.
+    /// ‖Mg̃‖²/‖g̃‖² of the largest signature, both bias-corrected: the share that calibration cannot imitate.
     pub visibility: f64,
     /// p-value of "the same projected signature is only its own error".
     pub signature_p: f64,

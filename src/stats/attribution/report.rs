@@ -43,7 +43,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
         .iter()
         .zip(&errors)
         .zip(&machine.effects[0])
-        .map(|((curve, error), effect)| World::new(curve, error, effect.strongest()))
+        .map(|((curve, error), effect)| World::new(curve, error, effect.steepest()))
         .collect();
     let noise = Noise::new(problem, &whitened, options);
     let null = draws::calibrate(&mut machine, &noise, &worlds);
@@ -97,19 +97,18 @@ struct Visible {
 impl Visible {
     fn new(machine: &Machine, whitened: &Whitened, candidate: &Candidate, signature: &Curve, k: usize) -> Self {
         let effect = &machine.effects[0][k];
-        let (strongest, raw_error) = (effect.strongest(), whitened.covariance(&candidate.covariance));
-        let vector = &signature.vectors[strongest.node];
+        let (steepest, raw_error) = (effect.steepest(), whitened.covariance(&candidate.covariance));
+        let vector = &signature.vectors[steepest.node];
         let full = dot(vector, vector);
         let full_norm2 = (full - raw_error.trace()).max(0.0);
-        let visibility = if full_norm2 > 0.0 { (strongest.norm2 / full_norm2).min(1.0) } else { 0.0 };
-        let reach = strongest.strength.abs() * strongest.norm2.sqrt();
-        let (p, level) = (effect.significance(strongest.node, full), machine.options.signature_level);
+        let visibility = if full_norm2 > 0.0 { (steepest.norm2 / full_norm2).min(1.0) } else { 0.0 };
+        let (p, level) = (effect.significance(steepest.node, full), machine.options.signature_level);
         let known = raw_significance(vector, &raw_error) <= level;
         let status = if let Err(why) = &candidate.testable {
             Status::NotTestable(why.clone())
-        } else if known && visibility < machine.options.visibility && reach < REACH {
+        } else if known && visibility < machine.options.visibility && effect.reach() < REACH {
             Status::AbsorbedByCalibration
-        } else if p > level || strongest.norm2 <= 0.0 {
+        } else if p > level || steepest.norm2 <= 0.0 {
             Status::SignatureNotResolved
         } else {
             Status::Testable
