@@ -57,6 +57,11 @@ fn mass() -> f64 {
     sphere_mass(DENSITY, RADIUS)
 }
 
+/// Neither damping nor friction.
+fn frictionless() -> ContactLaw {
+    ContactLaw { damping: Damping::Ratio(0.0), sliding_friction: 0.0, rolling_friction: 0.0, ..ContactLaw::default() }
+}
+
 /// Empty space with equal spheres: no gravity, no walls.
 fn space(fraction: f64) -> Setup {
     Setup {

@@ -35,12 +35,7 @@ fn box_walls(half: f64, species: WallSpecies) -> Vec<Wall> {
 #[test]
 fn an_undamped_frictionless_gas_keeps_its_energy() {
     for fraction in FRACTIONS {
-        let contact = ContactLaw {
-            damping: Damping::Ratio(0.0),
-            sliding_friction: 0.0,
-            rolling_friction: 0.0,
-            ..ContactLaw::default()
-        };
+        let contact = frictionless();
         let setup = Setup { contact, walls: box_walls(0.024, SMOOTH), ..space(fraction) };
         let mut world = World::new(&setup, &cloud(4, 0.0115)).unwrap();
         let total = |world: &World| world.energies().translational + world.energies().elastic;

@@ -143,12 +143,7 @@ fn a_gas_through_the_ends_keeps_energy_and_momentum() {
         grains
     };
     for fraction in FRACTIONS {
-        let frictionless = ContactLaw {
-            damping: Damping::Ratio(0.0),
-            sliding_friction: 0.0,
-            rolling_friction: 0.0,
-            ..ContactLaw::default()
-        };
+        let frictionless = frictionless();
         let side = |k: usize, axis: usize, sign: f64| {
             let (mut point, mut normal) = ([0.0; 3], [0.0; 3]);
             (point[axis], normal[axis]) = (-0.024 * sign, sign);
@@ -176,12 +171,7 @@ fn a_gas_through_the_ends_keeps_energy_and_momentum() {
 #[test]
 fn a_gas_in_a_box_without_walls_keeps_its_energy() {
     for fraction in FRACTIONS {
-        let contact = ContactLaw {
-            damping: Damping::Ratio(0.0),
-            sliding_friction: 0.0,
-            rolling_friction: 0.0,
-            ..ContactLaw::default()
-        };
+        let contact = frictionless();
         let setup = along(Setup { contact, ..space(fraction) }, [1.0; 3]);
         let mut grains = cloud(4, 0.011);
         grains.iter_mut().for_each(|grain| grain.position.iter_mut().for_each(|x| *x += 0.002));
