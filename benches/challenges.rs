@@ -163,7 +163,8 @@ impl Hidden<'_> {
         plan.counts.iter().flat_map(of_count).collect()
     }
 
-    /// The cells of one panel, whose direct runs stand at the optimum of `first`.
+    /// The cells of one panel, whose direct runs stand at the optima of `first`: those of every library differ, as in the
+    /// stage, which never looks at a candidate that may not be named.
     fn panel(
         &self,
         study: &Study,
@@ -174,7 +175,39 @@ impl Hidden<'_> {
         let (density, number) = (self.density(&study.config), missing[0].panel);
         let all: Vec<u32> = (1..=REFERENCE).collect();
         let purpose = format!("{} {} reference {number}", self.theta, self.name());
-        let reference = data(first, &|_| all.clone(), density, &mut Stream::new(SEEDS[1], &purpose));
+        let sets = [data(first, &|_| all.clone(), density, &mut Stream::new(SEEDS[1], &purpose))];
+        let libraries = std::iter::once(None).chain(self.effect.map(|(name, _)| Some(name)));
+        for without in libraries {
+            let of = |evidence: &'static str| {
+                missing.iter().filter(move |cell| cell.without == without && cell.evidence == evidence)
+            };
+            if of("all").chain(of("kpis")).next().is_none() {
+                continue;
+            }
+            let config = self.config(study, without, plan);
+            let context = Context::new(&config, &sets, campaign, study.store().root());
+            let least = plan.counts.iter().min().copied().unwrap_or(1);
+            let panel = Panel::new(&context, &sets[0], least)?
+                .map_err(|why| format!("{} at {}: {why}", self.name(), self.theta))?;
+            campaign.compact()?;
+            let mut judged = |panel: &Panel, cell: &Cell| -> Result<(), Failed> {
+                let (drawn, start) = (self.draw(pool, density, cell, plan), std::time::Instant::now());
+                let tally = campaign.install(|| self.judge(panel, &drawn, cell))?;
+                let seconds = start.elapsed().as_secs_f64();
+                eprintln!("  {} sets of n = {}, {}: {seconds:.0} s", plan.sets, cell.count, cell.evidence);
+                book.add(self.key(cell, plan), &tally)
+            };
+            of("all").try_for_each(|cell| judged(&panel, cell))?;
+            if of("kpis").next().is_some() {
+                let panel = panel.of_kpis().ok_or("the reference lacks a KPI")?;
+                of("kpis").try_for_each(|cell| judged(&panel, cell))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The study with the drawn data, whose candidate `without` may not be named, and direct runs for a panel.
+    fn config(&self, study: &Study, without: Option<&str>, plan: &Plan) -> Config {
         let source = MeasuredSource {
             name: NAME.to_owned(),
             path: PathBuf::new(),
@@ -182,28 +215,9 @@ impl Hidden<'_> {
             note: String::new(),
             controls: Vec::new(),
         };
-        let mut config = study.config.with_only(source, None);
+        let mut config = study.config.with_only(source, without);
         config.diagnose.refine_repetitions = REFINE * plan.counts.iter().max().copied().unwrap_or(1);
-        let sets = [reference];
-        let context = Context::new(&config, &sets, campaign, study.store().root());
-        let mut panel = match Panel::new(&context, &sets[0])? {
-            Ok(panel) => panel,
-            Err(why) => return Err(format!("{} at {}: {why}", self.name(), self.theta).into()),
-        };
-        campaign.compact()?;
-        for evidence in ["all", "kpis"] {
-            if evidence == "kpis" {
-                panel = panel.of_kpis().ok_or("the reference lacks a KPI")?;
-            }
-            for cell in missing.iter().filter(|cell| cell.evidence == evidence) {
-                let (drawn, start) = (self.draw(pool, density, cell, plan), std::time::Instant::now());
-                let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
-                let seconds = start.elapsed().as_secs_f64();
-                eprintln!("  {} sets of n = {}, {evidence}: {seconds:.0} s", plan.sets, cell.count);
-                book.add(self.key(cell, plan), &tally)?;
-            }
-        }
-        Ok(())
+        config
     }
 
     fn density(&self, config: &Config) -> Option<f64> {
@@ -225,13 +239,10 @@ impl Hidden<'_> {
     }
 
     fn judge(&self, panel: &Panel, sets: &[Measured], cell: &Cell) -> Result<Tally, Failed> {
-        let first = panel.judge(&sets[0], cell.without, LIMIT_DRAWS).map_err(|e| e.to_string())?;
+        let first = panel.judge(&sets[0], LIMIT_DRAWS).map_err(|e| e.to_string())?;
         let (_, limits, _) = first.ok_or("a drawn set lacks an observable")?;
-        let judged: Vec<Option<PanelRows>> = sets
-            .par_iter()
-            .map(|set| panel.judge(set, cell.without, 0))
-            .collect::<Result<_, _>>()
-            .map_err(|e| e.to_string())?;
+        let judged: Vec<Option<PanelRows>> =
+            sets.par_iter().map(|set| panel.judge(set, 0)).collect::<Result<_, _>>().map_err(|e| e.to_string())?;
         let declaration = Declaration { effect: self.effect.map(|(n, s)| (n.to_owned(), s)), foreign: false };
         let mut tally = Tally::new(&limits, self.effect, cell);
         for rows in judged.into_iter().flatten() {

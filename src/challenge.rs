@@ -7,7 +7,7 @@
 use crate::campaign::{Campaign, CampaignError, Point, Request, Values};
 use crate::canonical::{Digest, Encoder, digest};
 use crate::config::Config;
-use crate::effects::{self, EffectError};
+use crate::effects::EffectError;
 use crate::experiments::Experiment;
 use crate::rng::Stream;
 use crate::stats::special::{chi2_quantile, chi2_sf};
@@ -309,30 +309,30 @@ impl Score {
 
 /// Part of a candidate that could not be named, in the table of the attribution.
 const LEFT_OUT: &str = "left_out";
+/// Parts of candidates that could not be named.
+const UNNAMED: [&str; 4] = [LEFT_OUT, "absorbed", "unresolved", "not_testable"];
 /// Level of the leftover test, and the power that it must have.
 const LEFTOVER: (f64, f64) = (0.01, 0.95);
 
 impl Solution {
-    /// The candidate that looks most like the effect of `row` at a strength, and the cosine of the two; what calibration
-    /// hides cannot be told from anything.
-    fn nearest(&self, row: &AttributionRow, strength: f64) -> Option<(String, f64)> {
-        let alike = |pair: &&ConfusionRow| pair.effect == row.effect;
-        let likeness = |pair: &ConfusionRow| {
-            let one_sided = effects::find(&pair.other).is_ok_and(|effect| effect.one_sided());
-            let cosine = pair.cosine * strength.signum();
-            (pair.other.clone(), if one_sided { cosine.max(0.0) } else { cosine.abs() })
+    /// The candidate that may be named and leaves least of the effect of `row` at a strength, and what it leaves, in squared
+    /// standard errors: twice the expected lead, which grows with the square of the strength.
+    fn nearest(&self, row: &AttributionRow, strength: f64) -> Option<(&str, f64)> {
+        let scale = if row.strength == 0.0 { 0.0 } else { strength / row.strength };
+        let may_be_named = |name: &str| {
+            self.attribution.iter().any(|other| other.effect == name && !UNNAMED.contains(&other.part.as_str()))
         };
-        let all = self.confusion.iter().filter(alike).map(likeness);
-        all.max_by(|a, b| a.1.total_cmp(&b.1))
+        let rivals = self.confusion.iter().filter(|pair| pair.effect == row.effect && may_be_named(&pair.other));
+        let each = rivals.map(|pair| (pair.other.as_str(), 2.0 * pair.separation * scale * scale));
+        each.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 
-/// Whether what the best rival leaves of an effect of size `size` = aη is seen by the leftover test:
-/// χ²(d − 1) with non-centrality A²(1 − c²) exceeds its critical value (Patnaik's approximation of the non-central χ²).
-fn is_decidable(size: f64, likeness: f64, dof: u32) -> bool {
+/// Whether what the best rival leaves of an effect is seen by the leftover test: χ²(d − 1) with that as its non-centrality
+/// exceeds its critical value (Patnaik's approximation of the non-central χ²).
+fn is_decidable(shift: f64, dof: u32) -> bool {
     let (level, power) = LEFTOVER;
     let d = f64::from(dof.saturating_sub(1).max(1));
-    let shift = size * size * (1.0 - likeness * likeness);
     let (scale, freedom) = ((d + 2.0 * shift) / (d + shift), (d + shift) * (d + shift) / (d + 2.0 * shift));
     chi2_sf(chi2_quantile(1.0 - level, d) / scale, freedom) >= power
 }
@@ -367,8 +367,7 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
     let one_or_class = matches!(verdict.verdict.as_str(), "effect" | "class") && named.len() <= LARGEST_CLASS;
     let detectable = row.and_then(|row| row.strength_90);
     let decidable = hidden.zip(row).filter(|_| !in_library).map(|((_, strength), row)| {
-        let nearest = solution.nearest(row, *strength).map_or(0.0, |(_, likeness)| likeness);
-        is_decidable(row.a * strength, nearest, verdict.dof)
+        is_decidable(solution.nearest(row, *strength).map_or(0.0, |(_, left)| left), verdict.dof)
     });
     let correct = match hidden {
         None if declaration.foreign => none,
@@ -379,7 +378,7 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
         }
         Some((_, strength)) => {
             let nearest = row.and_then(|row| solution.nearest(row, *strength));
-            let taken = nearest.is_some_and(|(name, _)| one_or_class && named.contains(&name));
+            let taken = nearest.is_some_and(|(name, _)| one_or_class && named.iter().any(|n| n == name));
             none || (decidable == Some(false) && (taken || quiet))
         }
     };
@@ -422,7 +421,6 @@ mod tests {
     #[test]
     fn none_of_the_candidates_is_due_where_the_leftover_test_sees_the_rest() {
         // Power of χ²(9) at 1 % (21.67): 0.95 needs a non-centrality of about 30.4 (tables of the non-central χ²).
-        assert!(is_decidable(31.5_f64.sqrt(), 0.0, 10) && !is_decidable(29.0_f64.sqrt(), 0.0, 10));
-        assert!(!is_decidable(31.5_f64.sqrt(), 0.5, 10) && is_decidable(-(42.5_f64.sqrt()), 0.5, 10));
+        assert!(is_decidable(31.5, 10) && !is_decidable(29.0, 10));
     }
 }

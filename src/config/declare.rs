@@ -381,7 +381,7 @@ const THRESHOLDS: &[Key] = &[
         "class_delta",
         Kind::Number("1", 0.0, 100.0),
         "3",
-        "effects within this half difference of squared scores form a class",
+        "effects within this much ln likelihood of the best one form a class",
     ),
     key("class_size", Kind::Count(1, 100), "3", "largest class that still counts as named in the detection limit"),
     key("detection", Kind::Number("1", 0.5, 0.999), "0.9", "probability with which the detection limit is named"),

@@ -359,7 +359,7 @@ pub struct Thresholds {
     pub leftover: f64,
     /// Level at which a signature must differ from its own noise.
     pub resolved: f64,
-    /// Half difference of squared scores within which effects form a class.
+    /// Difference of ln likelihood within which effects form a class.
     pub class_delta: f64,
     /// Largest class that counts as named.
     pub class_size: u32,

@@ -724,7 +724,7 @@ table! {
         other: String ["1"],
         /// Cosine of the angle between their projected signatures.
         cosine: f64 ["1"],
-        /// Expected separation at the estimated strength, in units of ln odds.
+        /// Expected separation at the estimated strength, in units of ln odds: half of what the other effect leaves over of it.
         separation: f64 ["1"],
     }
 }

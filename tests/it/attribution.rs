@@ -34,6 +34,7 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
         }],
         covariance: DMatrix::zeros(m, m),
         testable: Ok(()),
+        fitted: 0.0,
         absent: false,
     }
 }
@@ -229,6 +230,10 @@ fn nearly_parallel_signatures_form_a_class_of_two() {
     let report = observe(&problem, &planted(&problem, 0, 6.0), 8);
     assert!(report.confusion[(0, 1)] > 0.95, "c = {}", report.confusion[(0, 1)]);
     assert_eq!(report.effects[0].nearest_rival.as_ref().map(|(name, _)| name.as_str()), Some("size"));
+    // Straight signatures known exactly: the lead is ½A²(1 − c²).
+    let (right, c) = (&report.effects[0], report.confusion[(0, 1)]);
+    let expected = 0.5 * (right.a * right.strength).powi(2) * (1.0 - c * c);
+    assert!((report.leads[(0, 1)] - expected).abs() < 1e-6 * expected, "{} for {expected}", report.leads[(0, 1)]);
 }
 
 #[test]
@@ -701,4 +706,43 @@ fn a_signature_taken_at_the_move_is_free_of_the_sensitivities_errors() {
     let (there, here) = (run(true), run(false));
     assert!(there.0 >= 190, "{} of 200 strengths recovered", there.0);
     assert!(there.1 < 0.8 * here.1, "standard error {} there, {} here", there.1, here.1);
+}
+
+/// Along a bent path the parameters go far, and at the least strength the signature and its move do not cancel. At the fitted
+/// strength they do, and the errors of the sensitivities do not hide the effect.
+#[test]
+fn errors_of_the_sensitivities_count_at_the_fitted_strength() {
+    let mut problem = world();
+    problem.jacobian_covariance = vec![problem.covariance.clone(); 3];
+    let moves = DVector::from_vec(vec![-3.0, -2.0, 2.0]);
+    let shift = planted(&problem, 0, 6.0);
+    let per_unit = problem.candidates[0].signatures[0].per_unit.clone();
+    let at = |strength: f64, per_unit: DVector<f64>| Signature { strength, per_unit, shift: moves.clone() };
+    let (least, fitted) = (at(1.0, per_unit.clone()), at(6.0, per_unit - &problem.jacobian * &moves));
+    problem.candidates[0].signatures = vec![least, fitted];
+    let named = |fitted: f64| {
+        let mut problem = problem.clone();
+        problem.candidates[0].fitted = fitted;
+        count(&problem, &shift, 100, 29, |v| is_named(v, "cohesion"))
+    };
+    let (there, at_the_least) = (named(6.0), named(0.0));
+    assert!(there >= 90 && at_the_least < 70, "{there} of 100 there, {at_the_least} at the least strength");
+}
+
+/// A signature of which little is known leaves nothing over of anything; that does not make it as likely as the right effect.
+#[test]
+fn an_effect_hardly_known_shares_no_class_with_one_that_is_known() {
+    let mut problem = world();
+    problem.candidates.truncate(2);
+    // Visible at small strengths, nothing but its error at large ones.
+    let nothing = Signature { per_unit: DVector::zeros(M), ..problem.candidates[1].signatures[0].clone() };
+    let steep = Signature { strength: 1.0, per_unit: planted(&problem, 1, 6.0), ..nothing.clone() };
+    problem.candidates[1].signatures = vec![steep, nothing];
+    problem.candidates[1].covariance = problem.covariance.clone();
+    let shift = planted(&problem, 0, 6.0);
+    let report = observe(&problem, &shift, 30);
+    let [right, rival] = &report.effects[..] else { panic!("two effects") };
+    assert!(rival.accepted && rival.leftover < right.leftover, "{rival:?} beside {right:?}");
+    let named = count(&problem, &shift, 100, 30, |v| is_named(v, "cohesion"));
+    assert!(named >= 95, "{named} of 100");
 }

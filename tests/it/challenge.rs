@@ -166,11 +166,11 @@ fn row(effect: &str, part: &str) -> AttributionRow {
     }
 }
 
-fn is_right(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), part: &str, cosine: f64) -> bool {
-    scored(hidden, foreign, verdict, part, cosine).correct
+fn is_right(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), part: &str, separation: f64) -> bool {
+    scored(hidden, foreign, verdict, part, separation).correct
 }
 
-fn scored(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), part: &str, cosine: f64) -> Score {
+fn scored(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), part: &str, separation: f64) -> Score {
     let declaration = Declaration { effect: hidden.map(|(name, strength)| (name.to_owned(), strength)), foreign };
     let verdict = VerdictRow {
         measured: "challenge".to_owned(),
@@ -187,8 +187,8 @@ fn scored(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), par
         measured: "challenge".to_owned(),
         effect: "cohesion".to_owned(),
         other: "tilt".to_owned(),
-        cosine,
-        separation: 1.0,
+        cosine: 0.0,
+        separation,
     }];
     let attribution = vec![row("cohesion", part), row("tilt", "rejected")];
     score(&declaration, &Solution { verdict, attribution, confusion })
@@ -216,9 +216,9 @@ fn answers_are_scored_as_the_truth_allows() {
     );
     assert!(is_right(None, true, none, "rejected", 0.0) && !is_right(None, true, quiet, "rejected", 0.0));
     // Left out: none of them, unless the nearest looks the same.
-    let left_out = |verdict, cosine| is_right(strong, false, verdict, "left_out", cosine);
-    assert!(left_out(none, 0.0) && !left_out(("effect", "tilt"), 0.0) && !left_out(quiet, 0.0));
-    assert!(left_out(none, 0.99) && left_out(("effect", "tilt"), 0.99));
+    let left_out = |verdict, separation| is_right(strong, false, verdict, "left_out", separation);
+    assert!(left_out(none, 50.0) && !left_out(("effect", "tilt"), 50.0) && !left_out(quiet, 50.0));
+    assert!(left_out(none, 1.0) && left_out(("effect", "tilt"), 1.0) && left_out(quiet, 1.0));
 }
 
 #[test]

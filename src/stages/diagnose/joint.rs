@@ -321,6 +321,7 @@ impl Contender {
             unit: self.unit().to_owned(),
             range: self.effect.range(),
             signatures: vec![nothing],
+            fitted: 0.0,
             covariance: DMatrix::zeros(m, m),
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
             absent: false,
@@ -341,6 +342,7 @@ impl Contender {
         let tied = self.is_tied() && self.share(found.strength) >= LEAST_TIED;
         let path = Path { contender: self, case, surface, tied };
         candidate.signatures = path.signatures(&found)?;
+        candidate.fitted = found.strength;
         candidate.covariance = path.error(&found);
         Ok(candidate)
     }

@@ -31,11 +31,16 @@ pub struct Panel<'a> {
 pub type PanelRows = (VerdictRow, Vec<AttributionRow>, Vec<ConfusionRow>);
 
 impl<'a> Panel<'a> {
-    /// Diagnoses `reference` with all its simulations; the inner error says why there can be no verdict on it.
+    /// Diagnoses `reference` with all its simulations and the library that the study leaves, for data sets of at least
+    /// `least` repetitions; the inner error says why there can be no verdict on it.
     ///
     /// # Errors
     /// Tables that are missing, or runs that cannot be made.
-    pub fn new(context: &'a Context<'a>, reference: &'a Measured) -> Result<Result<Self, String>, StageError> {
+    pub fn new(
+        context: &'a Context<'a>,
+        reference: &'a Measured,
+        least: u32,
+    ) -> Result<Result<Self, String>, StageError> {
         let models = Models::read(context)?;
         let mut lab = Lab::new(context);
         let anchors = Anchors::simulate(context, &mut lab)?;
@@ -44,12 +49,18 @@ impl<'a> Panel<'a> {
             Err(why) => return Ok(Err(why)),
         };
         let mut examined = examine(&models, &anchors, &mut lab, prepared)?;
-        // Another data set may lead to any candidate that is not hopeless by far, so all of these stand on runs.
-        let misfits = examined.contenders.iter().filter_map(Contender::misfit);
-        let hopeless = misfits.fold(f64::INFINITY, f64::min) + 2.0 * HOPELESS;
-        let likely = |contender: &&mut Contender| contender.misfit().is_some_and(|misfit| misfit < hopeless);
-        for contender in examined.contenders.iter_mut().filter(likely).filter(|contender| !contender.is_tied()) {
-            contender.tie_anyway(&examined.case, &mut lab)?;
+        // Another data set may lead to any candidate that is not hopeless by far, so all of these stand on runs. What few
+        // repetitions leave open, the reference may rule out: a misfit grows with their number.
+        let case = &examined.case;
+        let mut rivals: Vec<&mut Contender> =
+            examined.contenders.iter_mut().filter(|contender| !case.leaves_out(contender.name())).collect();
+        let misfits = rivals.iter().filter_map(|contender| contender.misfit());
+        let most = case.evidence.counts.iter().copied().max().unwrap_or(0) as f64;
+        let hopeless = misfits.fold(f64::INFINITY, f64::min) + HOPELESS * (most / f64::from(least)).max(2.0);
+        for contender in rivals.iter_mut().filter(|contender| !contender.is_tied()) {
+            if contender.misfit().is_some_and(|misfit| misfit < hopeless) {
+                contender.tie_anyway(case, &mut lab)?;
+            }
         }
         let all = (0..examined.case.evidence.statistics.len()).collect();
         Ok(Self::of(examined, all).ok_or_else(|| "an observable could not be measured at the optimum".to_owned()))
@@ -82,12 +93,12 @@ impl<'a> Panel<'a> {
     }
 
     /// The verdict on another data set, which must hold the same observables, with detection limits as of `limits`
-    /// simulated draws; the candidate `without` may not be named. `None` where an observable is missing.
+    /// simulated draws. `None` where an observable is missing.
     ///
     /// # Errors
     /// A fit or an attribution that fails.
-    pub fn judge(&self, set: &Measured, without: Option<&str>, limits: usize) -> Result<Option<PanelRows>, StageError> {
-        let Some(case) = self.case(set, without)? else { return Ok(None) };
+    pub fn judge(&self, set: &Measured, limits: usize) -> Result<Option<PanelRows>, StageError> {
+        let Some(case) = self.case(set)? else { return Ok(None) };
         let candidates = self.contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
         let options = Options { power_draws: limits, ..options(&case) };
         let attribution: Attribution = attributed(&case, candidates, Vec::new(), options)?;
@@ -95,7 +106,7 @@ impl<'a> Panel<'a> {
     }
 
     /// Another data set beside the runs of the reference.
-    fn case<'s>(&'s self, set: &'s Measured, without: Option<&str>) -> Result<Option<Case<'s>>, StageError> {
+    fn case<'s>(&'s self, set: &'s Measured) -> Result<Option<Case<'s>>, StageError> {
         let known = &self.examined.case;
         let Some(evidence) = known.evidence.of(&self.kept, set) else { return Ok(None) };
         let shape = known.shape.restricted(&self.kept);
@@ -122,7 +133,7 @@ impl<'a> Panel<'a> {
             optimum: fitted.parameters,
             evidence,
             shape,
-            left_out: without.map(str::to_owned),
+            left_out: known.left_out.clone(),
         }))
     }
 }

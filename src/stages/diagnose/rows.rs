@@ -199,14 +199,12 @@ fn confusion(case: &Case, attribution: &Attribution) -> Vec<ConfusionRow> {
             if !cosine.is_finite() {
                 continue;
             }
-            let reach = effect.a * effect.strength;
-            let alike = cosine.max(0.0);
             rows.push(ConfusionRow {
                 measured: case.set.name.clone(),
                 effect: effect.name.clone(),
                 other: other.name.clone(),
                 cosine,
-                separation: 0.5 * reach * reach * (1.0 - alike * alike),
+                separation: attribution.leads[(k, l)],
             });
         }
     }
@@ -235,12 +233,11 @@ fn direction(attribution: &Attribution) -> String {
     text.collect::<Vec<_>>().join(", ")
 }
 
-/// The rival that is nearer to a named effect than a single name asks for: D² = (aη)²(1 − c²).
+/// The rival that is nearer to a named effect than a single name asks for: D² is twice the lead over it.
 fn near_rival(attribution: &Attribution, named: &str, due: f64) -> Option<String> {
     let effect = attribution.effects.iter().find(|effect| effect.name == named)?;
-    let (rival, cosine) = effect.nearest_rival.as_ref()?;
-    let size = effect.a * effect.strength;
-    let squared = size * size * (1.0 - cosine * cosine);
+    let (rival, lead) = effect.nearest_rival.as_ref()?;
+    let squared = 2.0 * lead;
     (squared < due).then(|| {
         format!("{rival} is near: squared distance {squared:.1}, where {due:.0} is asked for a name of its own; add repetitions or observables")
     })

@@ -39,10 +39,15 @@ impl World {
         Self { curve: curve.clone(), shrink, root }
     }
 
+    /// What the effect does to a whitened residual at a strength.
+    pub(super) fn shift(&self, strength: f64) -> DVector<f64> {
+        DVector::from_vec(self.curve.secant(strength)) * (strength * self.shrink)
+    }
+
     /// One whitened residual with the effect at a strength, and the T₀ of its noise were that normal.
     fn draw(&self, strength: f64, noise: &Noise<'_>, stream: &mut Stream) -> (DVector<f64>, f64) {
         let (mut e, plain) = noise.draw(stream);
-        e.axpy(strength * self.shrink, &DVector::from_vec(self.curve.secant(strength)), 1.0);
+        e += self.shift(strength);
         if let Some(root) = &self.root {
             let error = DVector::from_fn(root.ncols(), |_, _| stream.normal());
             e.gemv(strength, root, &error, 1.0);
@@ -56,7 +61,7 @@ pub(super) struct Null {
     /// Whether χ² does not hold: few repetitions, or a parameter on its bound.
     pub simulated: bool,
     pub t0: Vec<f64>,
-    /// Largest gain T₀ − leftover over the testable candidates.
+    /// Largest gain T₀ − misfit over the testable candidates.
     pub gain: Vec<f64>,
     /// Leftover of each candidate where it acts at half its range; empty where χ² holds.
     pub leftover: Vec<Vec<f64>>,
@@ -97,10 +102,10 @@ pub(super) fn upper_tail(sorted: &[f64], value: f64) -> f64 {
     (sorted.len() - below + 1) as f64 / (sorted.len() + 1) as f64
 }
 
-/// T₀ − leftover of the best testable candidate.
+/// T₀ − misfit of the best testable candidate.
 fn largest_gain(machine: &Machine, seen: &Seen, fits: &[Found]) -> f64 {
     let testable = fits.iter().zip(&machine.rules).filter(|(_, rule)| rule.testable);
-    testable.map(|(found, _)| seen.t0 - found.fit.leftover).fold(0.0, f64::max)
+    testable.map(|(found, _)| seen.t0 - found.misfit).fold(0.0, f64::max)
 }
 
 fn leftovers(machine: &Machine, noise: &Noise<'_>, world: &World, k: usize) -> Vec<f64> {

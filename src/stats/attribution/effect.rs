@@ -60,16 +60,19 @@ impl Curve {
         a.iter().zip(b).map(|(a, b)| a + share * (b - a) + strength * (b - a) / width).collect()
     }
 
-    /// The node nearest to zero: the local signature.
-    pub(super) fn local(&self) -> &[f64] {
-        let nearest = |best: usize, i: usize| {
-            if self.strengths[i].abs() < self.strengths[best].abs() { i } else { best }
-        };
-        &self.vectors[(1..self.strengths.len()).fold(0, nearest)]
+    /// The node nearest to a strength.
+    pub(super) fn nearest(&self, strength: f64) -> usize {
+        let distance = |i: usize| (self.strengths[i] - strength).abs();
+        (1..self.strengths.len()).fold(0, |best, i| if distance(i) < distance(best) { i } else { best })
     }
 
-    /// The node of the largest ‖v‖, whose error is the same at all of them: the local one where an effect saturates, the last
-    /// one of a scatter, which has no slope at zero.
+    /// The node nearest to zero: the local signature.
+    pub(super) fn local(&self) -> &[f64] {
+        &self.vectors[self.nearest(0.0)]
+    }
+
+    /// The node of the largest ‖v‖: the local one where an effect saturates, the last one of a scatter, which has no slope at
+    /// zero.
     fn steepest(&self) -> usize {
         let norm2 = |i: usize| dot(&self.vectors[i], &self.vectors[i]);
         (1..self.strengths.len()).fold(0, |best, i| if norm2(i) > norm2(best) { i } else { best })
@@ -89,6 +92,22 @@ impl Curve {
     }
 }
 
+/// Covariances (M × M) of the errors of a candidate's whitened signatures.
+#[derive(Debug, Clone)]
+pub(super) struct Errors {
+    /// At every node.
+    pub each: Vec<DMatrix<f64>>,
+    /// The node nearest to the fitted strength, whose error stands in the noise of a fit.
+    pub fitted: usize,
+}
+
+impl Errors {
+    /// The one that stands in the noise of a fit.
+    pub(super) fn of_fit(&self) -> &DMatrix<f64> {
+        &self.each[self.fitted]
+    }
+}
+
 /// Best strength of an effect for one residual, and what it leaves over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
@@ -101,8 +120,6 @@ pub(super) struct Fit {
 pub(super) struct Scale {
     /// a², bias-corrected, of the secant.
     pub norm2: f64,
-    /// ln det(I + η²C).
-    pub ln_det: f64,
     /// Standard deviation of the fitted strength, from the tangent.
     pub sd: f64,
 }
@@ -123,25 +140,28 @@ pub(super) struct Projected {
     pub rotation: Option<DMatrix<f64>>,
     /// The same, row by row.
     rows: Vec<f64>,
-    /// Variances of the error of a signature in its eigenbasis.
+    /// Variances of the error of a signature in its eigenbasis, as a fit has it.
     pub lambda: Vec<f64>,
+    /// What its own error adds to the squared size of every signature.
+    inflation: Vec<f64>,
     grid: Vec<GridPoint>,
 }
 
 impl Projected {
-    /// Projects whitened signatures (M) with the covariance of their error (M × M) into a geometry.
-    pub(super) fn new(geometry: &Geometry, signatures: &Curve, covariance: &DMatrix<f64>, range: (f64, f64)) -> Self {
+    /// Projects whitened signatures (M) with the covariances of their errors into a geometry.
+    pub(super) fn new(geometry: &Geometry, signatures: &Curve, errors: &Errors, range: (f64, f64)) -> Self {
         let projection = geometry.basis.transpose();
-        let error = &projection * covariance * &geometry.basis;
+        let error = geometry.projected(errors.of_fit());
         let curve = signatures.mapped(&projection);
+        let (grid, inflation) = (Vec::new(), errors.each.iter().map(|e| geometry.projected(e).trace()).collect());
         let mut projected = if error.iter().all(|x| *x == 0.0) {
-            Self { curve, rotation: None, rows: Vec::new(), lambda: vec![0.0; error.nrows()], grid: Vec::new() }
+            Self { curve, rotation: None, rows: Vec::new(), lambda: vec![0.0; error.nrows()], inflation, grid }
         } else {
             let eigen = error.symmetric_eigen();
             let rotation = eigen.eigenvectors.transpose();
             let rows = eigen.eigenvectors.as_slice().to_vec();
             let lambda = eigen.eigenvalues.iter().map(|value| value.max(0.0)).collect();
-            Self { curve: curve.mapped(&rotation), rotation: Some(rotation), rows, lambda, grid: Vec::new() }
+            Self { curve: curve.mapped(&rotation), rotation: Some(rotation), rows, lambda, inflation, grid }
         };
         projected.grid = strengths(range).into_iter().map(|strength| projected.point(strength)).collect();
         projected
@@ -233,14 +253,13 @@ impl Projected {
         let tangent = self.curve.tangent(strength);
         Scale {
             norm2: (norm(&self.curve.secant(strength)) - error).max(0.0),
-            ln_det: self.ln_det(strength),
             sd: 1.0 / (norm(&tangent) - error).max(0.0).sqrt(),
         }
     }
 
     /// a² of the local signature, bias-corrected: ‖Mg̃‖² − tr MΣ_gM, not below 0.
     pub(super) fn local_norm2(&self) -> f64 {
-        self.corrected(dot(self.curve.local(), self.curve.local()))
+        self.norm2(self.curve.nearest(0.0))
     }
 
     /// z = uᵀt of a rotated residual with the unit vector of the local signature; 0 for a signature of zero.
@@ -254,23 +273,19 @@ impl Projected {
     pub(super) fn steepest(&self) -> Steepest {
         let node = self.curve.steepest();
         let raw_norm2 = dot(&self.curve.vectors[node], &self.curve.vectors[node]);
-        Steepest { node, raw_norm2, norm2: self.corrected(raw_norm2) }
+        Steepest { node, raw_norm2, norm2: self.norm2(node) }
     }
 
     /// The largest |η|·‖Mg̃‖ of all signatures, bias-corrected.
     pub(super) fn reach(&self) -> f64 {
-        let shift = |(strength, v): (&f64, &Vec<f64>)| strength.abs() * self.corrected(dot(v, v)).sqrt();
-        self.curve.strengths.iter().zip(&self.curve.vectors).map(shift).fold(0.0, f64::max)
+        let shift = |(node, strength): (usize, &f64)| strength.abs() * self.norm2(node).sqrt();
+        self.curve.strengths.iter().enumerate().map(shift).fold(0.0, f64::max)
     }
 
-    /// A squared size less what the error adds to it, not below 0.
-    fn corrected(&self, raw_norm2: f64) -> f64 {
-        (raw_norm2 - self.lambda.iter().sum::<f64>()).max(0.0)
-    }
-
-    /// p-value of "the projected signature at a node is nothing but its own error".
-    pub(super) fn significance(&self, node: usize, full_norm2: f64) -> f64 {
-        significance(&self.curve.vectors[node], &self.lambda, full_norm2)
+    /// ‖Mg̃‖² of a node less what its error adds to it, not below 0.
+    fn norm2(&self, node: usize) -> f64 {
+        let v = &self.curve.vectors[node];
+        (dot(v, v) - self.inflation[node]).max(0.0)
     }
 }
 
@@ -285,12 +300,17 @@ pub(super) struct Steepest {
     pub norm2: f64,
 }
 
-/// p-value of "this vector is nothing but its error", in the eigenbasis of the error with variances `lambda`.
+/// p-value of "this vector is nothing but its error".
 /// `full_norm2` is the squared size the vector had before projection: what is smaller by 1e-18 is rounding.
-pub(super) fn significance(vector: &[f64], lambda: &[f64], full_norm2: f64) -> f64 {
-    let floor = EXACT * lambda.iter().fold(0.0_f64, |top, value| top.max(*value));
+pub(super) fn significance(vector: &DVector<f64>, error: &DMatrix<f64>, full_norm2: f64) -> f64 {
+    if vector.is_empty() {
+        return 1.0;
+    }
+    let eigen = error.clone().symmetric_eigen();
+    let (vector, lambda) = (eigen.eigenvectors.tr_mul(vector), eigen.eigenvalues);
+    let floor = EXACT * lambda.max().max(0.0);
     let (mut chi2, mut directions, mut exact) = (0.0, 0, 0.0);
-    for (v, variance) in vector.iter().zip(lambda) {
+    for (v, variance) in vector.iter().zip(&lambda) {
         if *variance > floor {
             chi2 += v * v / variance;
             directions += 1;

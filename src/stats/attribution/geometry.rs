@@ -113,6 +113,11 @@ impl Geometry {
         Self { choice, basis: complement(&range), inverse: padded }
     }
 
+    /// QᵀCQ of a covariance (M × M).
+    pub(super) fn projected(&self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+        self.basis.tr_mul(covariance) * &self.basis
+    }
+
     /// d, the number of directions that calibration cannot reach.
     pub(super) fn evidence(&self) -> usize {
         self.basis.ncols()

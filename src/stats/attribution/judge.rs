@@ -6,7 +6,7 @@
 
 use super::Options;
 use super::bayes::{Evidence, PairEvidence, ln_bayes_other};
-use super::effect::{Curve, Fit, Projected, dot, weighted_dot};
+use super::effect::{Curve, Errors, Fit, Projected, dot, weighted_dot};
 use super::geometry::{Geometry, Held};
 use nalgebra::{DMatrix, DVector};
 
@@ -122,7 +122,17 @@ pub(super) struct Seen {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Found {
     pub fit: Fit,
+    /// Leftover and ln det(I + η²C), −2 ln likelihood up to a constant: effects are compared by it, since a signature of which
+    /// little is known leaves nothing over of anything.
+    pub misfit: f64,
     pub geometry: usize,
+}
+
+impl Found {
+    /// An effect that is not there.
+    fn absent(t0: f64, geometry: usize) -> Self {
+        Self { fit: Fit { strength: 0.0, leftover: t0 }, misfit: t0, geometry }
+    }
 }
 
 impl Machine {
@@ -131,13 +141,13 @@ impl Machine {
         geometries: Vec<Geometry>,
         held: &[Held],
         signatures: &[Curve],
-        errors: &[DMatrix<f64>],
+        errors: &[Errors],
         rules: Vec<Rule>,
         options: Options,
     ) -> Self {
         let project = |geometry: &Geometry| -> Vec<Projected> {
             let each = signatures.iter().zip(errors).zip(&rules);
-            each.map(|((curve, error), rule)| Projected::new(geometry, curve, error, rule.range)).collect()
+            each.map(|((curve, errors), rule)| Projected::new(geometry, curve, errors, rule.range)).collect()
         };
         let effects: Vec<Vec<Projected>> = geometries.iter().map(project).collect();
         let beside = geometries.iter().zip(&effects).map(|(g, own)| beside(g, own, signatures)).collect();
@@ -167,13 +177,13 @@ impl Machine {
 
     /// Best feasible fit of one effect.
     pub(super) fn fit(&self, seen: &Seen, k: usize, scratch: &mut Vec<f64>) -> Found {
-        let mut best = Found { fit: Fit { strength: 0.0, leftover: f64::INFINITY }, geometry: 0 };
+        let mut best = Found::absent(f64::INFINITY, 0);
         for geometry in 0..self.geometries.len() {
             let effect = &self.effects[geometry][k];
             effect.rotate(&seen.t[geometry], scratch);
             let fit = effect.fit(scratch);
             if fit.leftover < best.fit.leftover && self.feasible(seen, geometry, k, fit.strength) {
-                best = Found { fit, geometry };
+                best = Found { fit, misfit: fit.leftover + effect.ln_det(fit.strength), geometry };
             }
         }
         best
@@ -194,7 +204,7 @@ impl Machine {
 
     /// The same for the observed residual, with strength zero for what the full model fits best without.
     pub(super) fn fits_as_known(&self, seen: &Seen) -> Vec<Found> {
-        let none = Found { fit: Fit { strength: 0.0, leftover: seen.t0 }, geometry: seen.geometry };
+        let none = Found::absent(seen.t0, seen.geometry);
         let fits = self.fits(seen);
         fits.into_iter().zip(&self.rules).map(|(found, rule)| if rule.absent { none } else { found }).collect()
     }
@@ -225,8 +235,8 @@ impl Machine {
         }
         let accepted = |k: &usize| self.accepts(&fits[*k], *k);
         let named = (0..fits.len()).filter(accepted).filter(|k| bayes[*k] >= other + ln_odds);
-        let best = named.map(|k| fits[k].fit.leftover).fold(f64::INFINITY, f64::min);
-        let near = |k: &usize| 0.5 * (fits[*k].fit.leftover - best) < self.options.class_rule;
+        let best = named.map(|k| fits[k].misfit).fold(f64::INFINITY, f64::min);
+        let near = |k: &usize| 0.5 * (fits[*k].misfit - best) < self.options.class_rule;
         let class: Vec<usize> = (0..fits.len()).filter(accepted).filter(near).collect();
         match class[..] {
             _ if best.is_infinite() => Outcome::Other,
@@ -257,7 +267,7 @@ impl Machine {
             return Evidence { z, gain: z * z, norm2: effect.local_norm2(), tau, one_sided };
         }
         let scale = self.effects[found.geometry][k].scale(found.fit.strength);
-        let gain = seen.t0 - found.fit.leftover - scale.ln_det;
+        let gain = seen.t0 - found.misfit;
         Evidence { z: found.fit.strength.abs() * scale.norm2.sqrt(), gain, norm2: scale.norm2, tau, one_sided }
     }
 

@@ -140,6 +140,9 @@ pub struct Candidate {
     /// held. One at the end of the range suffices for an effect that acts linearly; adding the one recomputed at η̂ sharpens the
     /// leftover test. Whether the effect can be seen at all is judged by the largest of them.
     pub signatures: Vec<Signature>,
+    /// Strength at which the full model fits best, 0 where that is not known: a fit counts the error of the signature
+    /// nearest to it.
+    pub fitted: f64,
     /// Covariance of the error of a signature per unit of strength (m × m), zero if it is exact.
     pub covariance: DMatrix<f64>,
     /// `Err` with the reason if these data cannot show the effect (no trends, no traces …).
@@ -351,6 +354,7 @@ impl Candidate {
             check(&what, signature.per_unit.shape(), (m, 1), signature.per_unit.iter())?;
             check(&format!("the shift of {what}"), signature.shift.shape(), (p, 1), signature.shift.iter())?;
         }
+        check(&format!("the fitted strength of `{}`", self.name), (1, 1), (1, 1), [self.fitted].iter())?;
         let (low, high) = self.range;
         let ordered = self.signatures.windows(2).all(|pair| pair[0].strength < pair[1].strength);
         let usable = |s: &Signature| s.strength.is_finite() && s.strength != 0.0;

@@ -205,7 +205,7 @@ pub struct EffectReport {
     pub detection: Vec<DetectionLimit>,
     /// Whether the strength lies beyond the strengths at which signatures were taken.
     pub extrapolated: bool,
-    /// Most similar testable rival with its confusion, as far as signs allow it.
+    /// The testable rival over which it leads least, with that lead.
     pub nearest_rival: Option<(String, f64)>,
 }
 
@@ -231,9 +231,9 @@ pub struct Separation {
     pub rival: String,
     /// c between them, 0 where signs tell them apart.
     pub confusion: f64,
-    /// ½A²(1 − c²): expected log-likelihood by which truth leads.
+    /// Expected log-likelihood by which truth leads.
     pub expected: f64,
-    /// The same with each proposed measurement added, largest first.
+    /// The same with each proposed measurement added, largest first: what that adds is judged by local signatures.
     pub with_proposal: Vec<(String, f64)>,
 }
 
@@ -269,6 +269,9 @@ pub struct Attribution {
     pub effects: Vec<EffectReport>,
     /// c_kl = u_kᵀu_l of the local signatures, in the order of `effects`.
     pub confusion: DMatrix<f64>,
+    /// Expected log-likelihood by which effect k at its fitted strength leads over effect l at the strength at which that looks
+    /// most like it: half of what l leaves over. With straight signatures known exactly, ½A²(1 − c²).
+    pub leads: DMatrix<f64>,
     /// Separations between the members of a class; empty for other verdicts.
     pub separations: Vec<Separation>,
     /// Verdicts with the prior scales halved and doubled.

@@ -1,7 +1,7 @@
 //! From a problem to a full [`Attribution`]: the order of the steps, and nothing that a decision depends on.
 
 use super::draws::{self, Null, World};
-use super::effect::{Curve, dot, significance};
+use super::effect::{Curve, Errors, dot, significance};
 use super::geometry::{Geometry, Whitened};
 use super::judge::{Found, Machine, Outcome, Rule, Seen};
 use super::noise::Noise;
@@ -9,7 +9,7 @@ use super::outcome::{
     Attribution, EffectReport, Member, ResidualRow, Sensitivity, Separation, Status, TestMethod, Verdict,
 };
 use super::proposals::{cosine, separation, usable, with_proposal};
-use super::{AttributionError, Candidate, Options, Problem, RowKind};
+use super::{AttributionError, Candidate, Options, Problem, RowKind, Signature};
 use crate::stats::special;
 use nalgebra::{DMatrix, DVector};
 
@@ -26,8 +26,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let whitened = Whitened::new(problem, options)?;
     let geometries = whitened.geometries();
     let signatures: Vec<Curve> = problem.candidates.iter().map(|candidate| curve(&whitened, candidate)).collect();
-    let errors: Vec<DMatrix<f64>> =
-        (0..signatures.len()).map(|k| signature_error(problem, &whitened, &geometries[0], &signatures[k], k)).collect();
+    let errors = signature_errors(problem, &whitened, &geometries[0], &signatures);
     let rules = problem
         .candidates
         .iter()
@@ -35,7 +34,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
         .collect();
     let mut machine = Machine::new(geometries, &whitened.held, &signatures, &errors, rules, *options);
     let visible: Vec<Visible> = (0..signatures.len())
-        .map(|k| Visible::new(&machine, &whitened, &problem.candidates[k], &signatures[k], k))
+        .map(|k| Visible::new(&machine, &whitened, &problem.candidates[k], (&signatures[k], &errors[k]), k))
         .collect();
     machine.rules.iter_mut().zip(&visible).for_each(|(rule, v)| rule.testable = v.status == Status::Testable);
     machine.s2 = relative_variance(&machine);
@@ -43,14 +42,29 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
         .iter()
         .zip(&errors)
         .zip(&machine.effects[0])
-        .map(|((curve, error), effect)| World::new(curve, error, effect.steepest()))
+        .map(|((curve, errors), effect)| World::new(curve, errors.of_fit(), effect.steepest()))
         .collect();
     let noise = Noise::new(problem, &whitened, options);
     let null = draws::calibrate(&mut machine, &noise, &worlds);
     let seen = machine.see(&whitened.residual);
     let fits = machine.fits_as_known(&seen);
-    Ok(Report { problem, whitened: &whitened, machine: &machine, noise: &noise, null: &null, seen: &seen, fits: &fits }
+    let leads = leads(&machine, &worlds, &fits);
+    let (whitened, machine, noise) = (&whitened, &machine, &noise);
+    Ok(Report { problem, whitened, machine, noise, null: &null, seen: &seen, fits: &fits, leads: &leads }
         .assemble(&visible, &worlds))
+}
+
+/// Expected leads, see [`Attribution::leads`].
+fn leads(machine: &Machine, worlds: &[World], fits: &[Found]) -> DMatrix<f64> {
+    let (basis, effects) = (&machine.geometries[0].basis, &machine.effects[0]);
+    let truths = worlds.iter().zip(fits);
+    let shifts: Vec<DVector<f64>> =
+        truths.map(|(world, found)| basis.tr_mul(&world.shift(found.fit.strength))).collect();
+    let mut rotated = Vec::new();
+    DMatrix::from_fn(shifts.len(), shifts.len(), |k, l| {
+        effects[l].rotate(shifts[k].as_slice(), &mut rotated);
+        if k == l { 0.0 } else { 0.5 * effects[l].fit(&rotated).leftover }
+    })
 }
 
 /// Whitened signatures of a candidate.
@@ -60,23 +74,26 @@ fn curve(whitened: &Whitened, candidate: &Candidate) -> Curve {
 }
 
 /// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, and an error δJ of the
-/// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature was taken.
-fn signature_error(
-    problem: &Problem,
-    whitened: &Whitened,
-    geometry: &Geometry,
-    signature: &Curve,
-    k: usize,
-) -> DMatrix<f64> {
-    let mut error = whitened.covariance(&problem.candidates[k].covariance);
-    let moves = &geometry.inverse * DVector::from_column_slice(signature.local());
-    for (column, covariance) in problem.jacobian_covariance.iter().enumerate() {
-        let parameter = &problem.parameters[column];
-        let shift = problem.candidates[k].local().map_or(0.0, |local| local.shift[column]);
-        let step = moves[column] * (parameter.upper - parameter.lower) + shift;
-        error += whitened.covariance(covariance) * (step * step);
-    }
-    error
+/// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature was taken. The two moves
+/// all but cancel at the fitted strength, however far they lead; along a bent path they do so only there.
+fn signature_errors(problem: &Problem, whitened: &Whitened, geometry: &Geometry, signatures: &[Curve]) -> Vec<Errors> {
+    let columns: Vec<DMatrix<f64>> = problem.jacobian_covariance.iter().map(|c| whitened.covariance(c)).collect();
+    let of = |(candidate, curve): (&Candidate, &Curve)| {
+        let known = whitened.covariance(&candidate.covariance);
+        let at = |(signature, vector): (&Signature, &Vec<f64>)| {
+            let moves = &geometry.inverse * DVector::from_column_slice(vector);
+            columns.iter().enumerate().fold(known.clone(), |error, (column, covariance)| {
+                let parameter = &problem.parameters[column];
+                let step = moves[column] * (parameter.upper - parameter.lower) + signature.shift[column];
+                error + covariance * (step * step)
+            })
+        };
+        Errors {
+            each: candidate.signatures.iter().zip(&curve.vectors).map(at).collect(),
+            fitted: curve.nearest(candidate.fitted),
+        }
+    };
+    problem.candidates.iter().zip(signatures).map(of).collect()
 }
 
 /// s² of "other": the mean of τ²a² over the testable candidates, per direction.
@@ -95,15 +112,23 @@ struct Visible {
 }
 
 impl Visible {
-    fn new(machine: &Machine, whitened: &Whitened, candidate: &Candidate, signature: &Curve, k: usize) -> Self {
-        let effect = &machine.effects[0][k];
+    fn new(
+        machine: &Machine,
+        whitened: &Whitened,
+        candidate: &Candidate,
+        (signature, errors): (&Curve, &Errors),
+        k: usize,
+    ) -> Self {
+        let (effect, geometry) = (&machine.effects[0][k], &machine.geometries[0]);
         let (steepest, raw_error) = (effect.steepest(), whitened.covariance(&candidate.covariance));
-        let vector = &signature.vectors[steepest.node];
-        let full = dot(vector, vector);
+        let vector = DVector::from_column_slice(&signature.vectors[steepest.node]);
+        let full = vector.norm_squared();
         let full_norm2 = (full - raw_error.trace()).max(0.0);
         let visibility = if full_norm2 > 0.0 { (steepest.norm2 / full_norm2).min(1.0) } else { 0.0 };
-        let (p, level) = (effect.significance(steepest.node, full), machine.options.signature_level);
-        let known = raw_significance(vector, &raw_error) <= level;
+        let level = machine.options.signature_level;
+        let known = significance(&vector, &raw_error, full.max(f64::MIN_POSITIVE)) <= level;
+        let error = geometry.projected(&errors.each[steepest.node]);
+        let p = significance(&geometry.basis.tr_mul(&vector), &error, full);
         let status = if let Err(why) = &candidate.testable {
             Status::NotTestable(why.clone())
         } else if known && visibility < machine.options.visibility && effect.reach() < REACH {
@@ -117,17 +142,6 @@ impl Visible {
     }
 }
 
-/// p-value of a signature before projection.
-fn raw_significance(signature: &[f64], error: &DMatrix<f64>) -> f64 {
-    let full = dot(signature, signature);
-    if error.iter().all(|x| *x == 0.0) {
-        return significance(signature, &vec![0.0; signature.len()], full.max(f64::MIN_POSITIVE));
-    }
-    let eigen = error.clone().symmetric_eigen();
-    let turned = eigen.eigenvectors.tr_mul(&DVector::from_column_slice(signature));
-    significance(turned.as_slice(), eigen.eigenvalues.as_slice(), full)
-}
-
 /// Everything that is known once the observed residual has been fitted.
 struct Report<'a> {
     problem: &'a Problem,
@@ -137,6 +151,7 @@ struct Report<'a> {
     null: &'a Null,
     seen: &'a Seen,
     fits: &'a [Found],
+    leads: &'a DMatrix<f64>,
 }
 
 impl Report<'_> {
@@ -158,6 +173,7 @@ impl Report<'_> {
             effects,
             confusion: self.confusion(),
             separations,
+            leads: self.leads.clone(),
             sensitivity: self.sensitivity(),
             residual: self.residual(),
             condition: self.whitened.condition,
@@ -178,7 +194,7 @@ impl Report<'_> {
         let projected = &machine.effects[found.geometry][k];
         let z = machine.local_z(self.seen, k);
         let leftovers = self.null.leftover.get(k);
-        let gain = self.seen.t0 - found.fit.leftover;
+        let gain = self.seen.t0 - found.misfit;
         let dof = machine.evidence().saturating_sub(1);
         EffectReport {
             name: candidate.name.clone(),
@@ -239,8 +255,8 @@ impl Report<'_> {
 
     fn nearest_rival(&self, k: usize) -> Option<(String, f64)> {
         let rivals = (0..self.fits.len()).filter(|l| *l != k && self.machine.rules[*l].testable);
-        let each = rivals.map(|l| (self.problem.candidates[l].name.clone(), self.confusion_with(k, l)));
-        each.max_by(|a, b| a.1.total_cmp(&b.1))
+        let each = rivals.map(|l| (self.problem.candidates[l].name.clone(), self.leads[(k, l)]));
+        each.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     fn separations(&self, outcome: Outcome) -> Vec<Separation> {
@@ -255,14 +271,14 @@ impl Report<'_> {
         let strength = self.fits[truth].fit.strength;
         let confusion = self.confusion_with(truth, rival);
         let size2 = strength * strength * self.machine.effects[0][truth].local_norm2();
-        let rule = &self.machine.rules[rival];
+        let (expected, rule) = (self.leads[(truth, rival)], &self.machine.rules[rival]);
+        let local = separation(size2, confusion);
         let mut with: Vec<(String, f64)> = Vec::new();
         for proposal in &self.problem.proposals {
-            let gain = with_proposal(self.problem, self.whitened, proposal, (truth, strength), (rival, rule));
-            with.extend(gain.map(|expected| (proposal.name.clone(), expected)));
+            let then = with_proposal(self.problem, self.whitened, proposal, (truth, strength), (rival, rule));
+            with.extend(then.map(|then| (proposal.name.clone(), expected + (then - local).max(0.0))));
         }
         with.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let expected = separation(size2, confusion);
         Separation { truth: name(truth), rival: name(rival), confusion, expected, with_proposal: with }
     }
 
@@ -274,7 +290,7 @@ impl Report<'_> {
             Outcome::Pair(k, l) => vec![k, l],
             Outcome::Nothing | Outcome::Other => Vec::new(),
         };
-        members.sort_by(|k, l| self.fits[*k].fit.leftover.total_cmp(&self.fits[*l].fit.leftover));
+        members.sort_by(|k, l| self.fits[*k].misfit.total_cmp(&self.fits[*l].misfit));
         members
     }
 
