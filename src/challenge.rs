@@ -367,7 +367,9 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
     let one_or_class = matches!(verdict.verdict.as_str(), "effect" | "class") && named.len() <= LARGEST_CLASS;
     let detectable = row.and_then(|row| row.strength_90);
     let decidable = hidden.zip(row).filter(|_| !in_library).map(|((_, strength), row)| {
-        is_decidable(solution.nearest(row, *strength).map_or(0.0, |(_, left)| left), verdict.dof)
+        // Where no candidate may be named, all of it is left.
+        let whole = (row.a * strength).powi(2);
+        is_decidable(solution.nearest(row, *strength).map_or(whole, |(_, left)| left), verdict.dof)
     });
     let correct = match hidden {
         None if declaration.foreign => none,
