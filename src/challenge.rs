@@ -368,8 +368,8 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
     let detectable = row.and_then(|row| row.strength_90);
     let decidable = hidden.zip(row).filter(|_| !in_library).map(|((_, strength), row)| {
         // Where no candidate may be named, all of it is left.
-        let whole = (row.a * strength).powi(2);
-        is_decidable(solution.nearest(row, *strength).map_or(whole, |(_, left)| left), verdict.dof)
+        let whole = row.a * strength;
+        is_decidable(solution.nearest(row, *strength).map_or(whole * whole, |(_, left)| left), verdict.dof)
     });
     let correct = match hidden {
         None if declaration.foreign => none,
