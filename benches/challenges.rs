@@ -1,7 +1,7 @@
 //! Error rates of the verdict, layer (a) of `challenges.sh`: measured sets drawn from pools of stored runs.
 //!
-//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS PANELS` takes a study that is trained. For every truth it
-//! stores POOL runs of each fitted experiment, prepares PANELS diagnoses with their own direct runs at data of other seeds,
+//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS PANELS [TRUTH…]` takes a study that is trained. For every
+//! truth, or those named as `none` and `cohesion=1`, it stores POOL runs of each fitted experiment, prepares PANELS diagnoses with their own direct runs at data of other seeds,
 //! draws SETS measured sets of every count of COUNTS (as `10,20,50`) from the pool, and calibrates, diagnoses and scores each
 //! by one of them. A cell that stands in FOLDER/rates.csv already is not done again.
 
@@ -49,7 +49,7 @@ const WEIGHINGS: (f64, u32) = (30.0, 10);
 fn main() -> Result<(), Failed> {
     // cargo passes `--bench` on to the binary.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
-    let [folder, pool, sets, counts, thetas, panels] = arguments.as_slice() else {
+    let [folder, pool, sets, counts, thetas, panels, truths @ ..] = arguments.as_slice() else {
         println!("challenges: no folder given, nothing to do; see benches/challenges.sh");
         return Ok(());
     };
@@ -62,7 +62,8 @@ fn main() -> Result<(), Failed> {
     let places = &THETAS[..THETAS.len().min(thetas.parse()?)];
     // Every truth has its first panel before any has its second.
     for panel in 1..=panels {
-        for truth in places.iter().flat_map(|place| hidden(&study.config, place)) {
+        let asked = |truth: &Hidden| truths.is_empty() || truths.contains(&truth.name());
+        for truth in places.iter().flat_map(|place| hidden(&study.config, place)).filter(asked) {
             truth.cells(&study, &campaign, (&plan, panel), &mut book)?;
         }
     }
@@ -163,8 +164,8 @@ impl Hidden<'_> {
         plan.counts.iter().flat_map(of_count).collect()
     }
 
-    /// The cells of one panel, whose direct runs stand at the optima of `first`: those of every library differ, as in the
-    /// stage, which never looks at a candidate that may not be named.
+    /// The cells of one panel, whose direct runs stand at the optima of `first`: these differ with the evidence and with the
+    /// library, as in the stage, which knows no observable that was not measured and no candidate that may not be named.
     fn panel(
         &self,
         study: &Study,
@@ -175,32 +176,27 @@ impl Hidden<'_> {
         let (density, number) = (self.density(&study.config), missing[0].panel);
         let all: Vec<u32> = (1..=REFERENCE).collect();
         let purpose = format!("{} {} reference {number}", self.theta, self.name());
-        let sets = [data(first, &|_| all.clone(), density, &mut Stream::new(SEEDS[1], &purpose))];
-        let libraries = std::iter::once(None).chain(self.effect.map(|(name, _)| Some(name)));
-        for without in libraries {
-            let of = |evidence: &'static str| {
-                missing.iter().filter(move |cell| cell.without == without && cell.evidence == evidence)
-            };
-            if of("all").chain(of("kpis")).next().is_none() {
+        let left_out = self.effect.map(|(name, _)| ("all", Some(name)));
+        for (evidence, without) in [("all", None), ("kpis", None)].into_iter().chain(left_out) {
+            let cells = missing.iter().filter(|cell| (cell.evidence, cell.without) == (evidence, without));
+            let cells: Vec<&Cell> = cells.collect();
+            if cells.is_empty() {
                 continue;
             }
+            let weighings = &mut Stream::new(SEEDS[1], &purpose);
+            let sets = [data((first, evidence), &|_| all.clone(), density, weighings)];
             let config = self.config(study, without, plan);
             let context = Context::new(&config, &sets, campaign, study.store().root());
             let least = plan.counts.iter().min().copied().unwrap_or(1);
             let panel = Panel::new(&context, &sets[0], least)?
                 .map_err(|why| format!("{} at {}: {why}", self.name(), self.theta))?;
             campaign.compact()?;
-            let mut judged = |panel: &Panel, cell: &Cell| -> Result<(), Failed> {
+            for cell in cells {
                 let (drawn, start) = (self.draw(pool, density, cell, plan), std::time::Instant::now());
-                let tally = campaign.install(|| self.judge(panel, &drawn, cell))?;
+                let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
                 let seconds = start.elapsed().as_secs_f64();
-                eprintln!("  {} sets of n = {}, {}: {seconds:.0} s", plan.sets, cell.count, cell.evidence);
-                book.add(self.key(cell, plan), &tally)
-            };
-            of("all").try_for_each(|cell| judged(&panel, cell))?;
-            if of("kpis").next().is_some() {
-                let panel = panel.of_kpis().ok_or("the reference lacks a KPI")?;
-                of("kpis").try_for_each(|cell| judged(&panel, cell))?;
+                eprintln!("  {} sets of n = {}, {evidence}: {seconds:.0} s", plan.sets, cell.count);
+                book.add(self.key(cell, plan), &tally)?;
             }
         }
         Ok(())
@@ -229,11 +225,11 @@ impl Hidden<'_> {
         let first = (cell.panel - 1) * plan.sets;
         (first..first + plan.sets)
             .map(|number| {
-                // The same sets for every evidence and library, so that these can be compared.
+                // The same repetitions for every evidence and library, so that these can be compared.
                 let purpose = format!("{} {} {} {number}", self.theta, self.name(), cell.count);
                 let stream = std::cell::RefCell::new(Stream::new(SEEDS[0], &purpose));
                 let pick = |_: &str| some_of(plan.pool, cell.count, &mut stream.borrow_mut());
-                data(pool, &pick, density, &mut Stream::new(SEEDS[0], &format!("weighings {purpose}")))
+                data((pool, cell.evidence), &pick, density, &mut Stream::new(SEEDS[0], &format!("weighings {purpose}")))
             })
             .collect()
     }
@@ -271,14 +267,21 @@ fn some_of(size: u32, count: u32, stream: &mut Stream) -> Vec<u32> {
     numbers
 }
 
-/// Measured data of those repetitions of every experiment that `pick` picks, and weighings of the grains.
-fn data(rows: &[KpiRow], pick: &dyn Fn(&str) -> Vec<u32>, density: Option<f64>, stream: &mut Stream) -> Measured {
+/// Measured data of those repetitions of every experiment that `pick` picks, all observables or the KPIs alone, and
+/// weighings of the grains.
+fn data(
+    (rows, evidence): (&[KpiRow], &str),
+    pick: &dyn Fn(&str) -> Vec<u32>,
+    density: Option<f64>,
+    stream: &mut Stream,
+) -> Measured {
     let mut values: Vec<MeasuredValue> = Vec::new();
     for experiment in EXPERIMENTS {
         let picked = pick(experiment.name());
         for row in rows.iter().filter(|row| row.experiment == experiment.name()) {
             let place = picked.binary_search(&row.repetition);
-            let observable = experiment.observables().iter().find(|observable| observable.name == row.kpi);
+            let mut observables = experiment.observables().iter().filter(|o| evidence == "all" || o.is_kpi);
+            let observable = observables.find(|observable| observable.name == row.kpi);
             if let (Ok(place), Some(observable), Some(value)) = (place, observable, row.value) {
                 let (experiment, repetition) = (experiment.name(), place as u32 + 1);
                 values.push(MeasuredValue { experiment, kpi: observable.name, repetition, value });

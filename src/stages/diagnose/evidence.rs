@@ -71,16 +71,15 @@ impl Evidence {
         evidence
     }
 
-    /// The statistics of this evidence whose place is among `kept`, with the values of another data set; `None` where that
-    /// lacks one of them.
-    pub fn of(&self, kept: &[usize], measured: &Measured) -> Option<Self> {
+    /// The same statistics of another data set; `None` where that lacks one of them.
+    pub fn of(&self, measured: &Measured) -> Option<Self> {
         let summaries = measured.statistics();
         let mut evidence = Self::empty();
-        for statistic in kept.iter().map(|place| &self.statistics[*place]) {
+        for statistic in &self.statistics {
             let summary = summaries.iter().find(|summary| summary.kpi == statistic.kpi && summary.sd > 0.0)?;
             evidence.add(statistic.clone(), (measured, summary));
         }
-        (evidence.statistics.len() == kept.len()).then(|| evidence.less(self.offset.as_ref()))
+        Some(evidence.less(self.offset.as_ref()))
     }
 
     /// The same less an offset; statistics for which it is not known are no evidence.

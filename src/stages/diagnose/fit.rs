@@ -156,12 +156,6 @@ impl Surface {
         better
     }
 
-    /// The same surface for the statistics `kept` alone.
-    pub fn restricted(&self, kept: &[usize]) -> Self {
-        let rows = kept.iter().map(|row| self.rows[*row]).collect();
-        Self { rows, trends: kept.iter().map(|row| self.trends[*row]).collect(), ..self.clone() }
-    }
-
     /// Trends of what drifts with the effect, from the anchors.
     fn drifting(mut self, context: &Context, anchors: &Anchors, effect: &str, statistics: &[Statistic]) -> Self {
         if context.config.effects.library.find(effect).is_ok_and(|effect| effect.is_drift()) {

@@ -302,14 +302,6 @@ impl Contender {
         }
     }
 
-    /// The same contender for the statistics `kept` alone; without direct runs it stands on its metamodels.
-    pub fn restricted(&self, kept: &[usize]) -> Self {
-        let tie = |tie: &Tie| Tie { x: tie.x.clone(), noise: tie.noise.select_rows(kept).select_columns(kept) };
-        let surface = self.surface.as_ref().map(|surface| surface.restricted(kept)).map_err(String::clone);
-        let tie = self.tie.as_ref().map(tie);
-        Self { surface, tie, was_run: self.is_tied(), posterior: Vec::new(), ..self.clone() }
-    }
-
     /// What the attribution judges.
     pub fn candidate(&self, case: &Case) -> Result<Candidate, StageError> {
         let (m, p) = (case.model.values.len(), case.optimum.len());

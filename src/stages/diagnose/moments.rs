@@ -260,13 +260,6 @@ impl Shape {
         sizes.iter().all(|size| *size > 0.0).then_some(Self { correlation: scaled, tails, correlated })
     }
 
-    /// The shape of the statistics `kept` alone.
-    pub fn restricted(&self, kept: &[usize]) -> Self {
-        let correlation = self.correlation.select_rows(kept).select_columns(kept);
-        let (tails, correlated) = kept.iter().map(|i| (self.tails[*i], self.correlated[*i])).unzip();
-        Self { correlation, tails, correlated }
-    }
-
     /// Variance of ln s of statistic `i` from n repetitions: ψ₁(ν/2)/4 for normal values.
     pub fn ln_sd_variance(&self, i: usize, n: usize) -> f64 {
         self.tails[i] * 0.25 * trigamma(0.5 * (n as f64 - 1.0))

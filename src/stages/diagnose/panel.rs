@@ -5,7 +5,7 @@
 //! new ones. Fits, residual, signatures, tests and verdict are those of the stage, anew for every data set.
 
 use super::anchors::Anchors;
-use super::fit::{self, Surface, Weights};
+use super::fit::{self, Weights};
 use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Moment, Moments};
@@ -21,18 +21,14 @@ use nalgebra::DMatrix;
 /// A prepared diagnosis.
 pub struct Panel<'a> {
     examined: Examined<'a>,
-    /// Places of its statistics among those of the examined evidence.
-    kept: Vec<usize>,
-    surface: Surface,
-    contenders: Vec<Contender>,
 }
 
 /// The rows that a score needs.
 pub type PanelRows = (VerdictRow, Vec<AttributionRow>, Vec<ConfusionRow>);
 
 impl<'a> Panel<'a> {
-    /// Diagnoses `reference` with all its simulations and the library that the study leaves, for data sets of at least
-    /// `least` repetitions; the inner error says why there can be no verdict on it.
+    /// Diagnoses `reference` with all its simulations and the library that the study leaves, for data sets of the same
+    /// observables and at least `least` repetitions; the inner error says why there can be no verdict on it.
     ///
     /// # Errors
     /// Tables that are missing, or runs that cannot be made.
@@ -62,34 +58,7 @@ impl<'a> Panel<'a> {
                 contender.tie_anyway(case, &mut lab)?;
             }
         }
-        let all = (0..examined.case.evidence.statistics.len()).collect();
-        Ok(Self::of(examined, all).ok_or_else(|| "an observable could not be measured at the optimum".to_owned()))
-    }
-
-    /// The same panel for the statistics of the KPIs alone.
-    pub fn of_kpis(self) -> Option<Self> {
-        let experiments = self.examined.case.context.config.experiments();
-        let mut observables = experiments.iter().flat_map(|experiment| experiment.observables());
-        let statistics = &self.examined.case.evidence.statistics;
-        let kpis: Vec<&str> = observables.by_ref().filter(|o| o.is_kpi).map(|o| o.name).collect();
-        let kept = self.kept.iter().copied().filter(|place| kpis.contains(&statistics[*place].kpi.as_str())).collect();
-        Self::of(self.examined, kept)
-    }
-
-    fn of(examined: Examined<'a>, kept: Vec<usize>) -> Option<Self> {
-        let surface = examined.surface.restricted(&kept);
-        let contenders = examined.contenders.iter().map(|contender| contender.restricted(&kept)).collect();
-        Some(Self { kept, surface, contenders, examined })
-    }
-
-    /// What the whole diagnosis found for the reference.
-    pub fn reference(&self) -> PanelRows {
-        rows::of(&self.examined.case, &self.examined.attribution)
-    }
-
-    /// Number of statistics and of directions that calibration cannot reach.
-    pub fn size(&self) -> (usize, usize) {
-        (self.kept.len(), self.examined.attribution.evidence)
+        Ok(Ok(Self { examined }))
     }
 
     /// The verdict on another data set, which must hold the same observables, with detection limits as of `limits`
@@ -99,7 +68,7 @@ impl<'a> Panel<'a> {
     /// A fit or an attribution that fails.
     pub fn judge(&self, set: &Measured, limits: usize) -> Result<Option<PanelRows>, StageError> {
         let Some(case) = self.case(set)? else { return Ok(None) };
-        let candidates = self.contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
+        let candidates = self.examined.contenders.iter().map(|c| c.candidate(&case)).collect::<Result<Vec<_>, _>>()?;
         let options = Options { power_draws: limits, ..options(&case) };
         let attribution: Attribution = attributed(&case, candidates, Vec::new(), options)?;
         Ok(Some(rows::of(&case, &attribution)))
@@ -107,24 +76,24 @@ impl<'a> Panel<'a> {
 
     /// Another data set beside the runs of the reference.
     fn case<'s>(&'s self, set: &'s Measured) -> Result<Option<Case<'s>>, StageError> {
-        let known = &self.examined.case;
-        let Some(evidence) = known.evidence.of(&self.kept, set) else { return Ok(None) };
-        let shape = known.shape.restricted(&self.kept);
+        let Examined { case: known, surface, .. } = &self.examined;
+        let Some(evidence) = known.evidence.of(set) else { return Ok(None) };
+        let shape = known.shape.clone();
         let Some(noise) = evidence.noise(&known.before, &shape) else { return Ok(None) };
         let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
         let start = [known.optimum.as_slice().to_vec()];
         let parameters = |start: &[f64]| fit::parameters(known.context.config, set, start);
-        let first = weights.at(&self.surface, &known.optimum);
-        let fitted = fit::two_passes(&self.surface, &evidence, weights, (&first, &start), parameters)?.fit;
+        let first = weights.at(surface, &known.optimum);
+        let fitted = fit::two_passes(surface, &evidence, weights, (&first, &start), parameters)?.fit;
         let trends = |i: usize| if evidence.statistics[i].moment == Moment::Trend { 0.0 } else { 1.0 };
-        let all = self.surface.uncertainty(&fitted.parameters, &shape.correlation);
+        let all = surface.uncertainty(&fitted.parameters, &shape.correlation);
         let covariance = DMatrix::from_fn(all.nrows(), all.ncols(), |i, j| trends(i) * trends(j) * all[(i, j)]);
-        let values = self.surface.predict(&fitted.parameters).0.as_slice().to_vec();
+        let values = surface.predict(&fitted.parameters).0.as_slice().to_vec();
         Ok(Some(Case {
             context: known.context,
             set,
             noise,
-            slopes: self.surface.slopes(&fitted.parameters, &shape.correlation),
+            slopes: surface.slopes(&fitted.parameters, &shape.correlation),
             optimum_covariance: fitted.covariance,
             at_bound: at_bound(&fitted.parameters),
             before: known.before.clone(),
