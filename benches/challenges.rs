@@ -1,9 +1,10 @@
 //! Error rates of the verdict, layer (a) of `challenges.sh`: measured sets drawn from pools of stored runs.
 //!
 //! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS PANELS [TRUTH…]` takes a study that is trained. For every
-//! truth, or those named as `none` and `cohesion=1`, it stores POOL runs of each fitted experiment, prepares PANELS diagnoses with their own direct runs at data of other seeds,
-//! draws SETS measured sets of every count of COUNTS (as `10,20,50`) from the pool, and calibrates, diagnoses and scores each
-//! by one of them. A cell that stands in FOLDER/rates.csv already is not done again.
+//! truth, or for those named as `none` and `cohesion=1`, it stores POOL runs of each fitted experiment, prepares PANELS
+//! diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
+//! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them. A cell that stands in
+//! FOLDER/rates.csv already is not done again.
 
 use granulake::campaign::{Campaign, Options, Values};
 use granulake::challenge::{Declaration, Score, Solution, Truth, score};

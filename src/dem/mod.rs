@@ -43,7 +43,7 @@ pub use clumps::{Clump, ClumpMotion};
 pub use observe::{Contact, Partner};
 pub use outcome::{Energies, EventRecord, Failure, Outcome, State, Stop, TracePoint};
 pub use particles::Grain;
-pub use run::{Simulation, simulate, simulate_within};
+pub use run::{Simulation, expected_seconds, simulate, simulate_within};
 pub use setup::{
     Action, ContactLaw, Damping, Event, Fill, FillArea, Fines, Grains, LiquidBridges, Reference, Region, Rise, Setup,
     Shape, Species, StopRule, Trace, Vec3, Wall, WallSpecies,

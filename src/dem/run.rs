@@ -7,6 +7,7 @@
 
 use super::checkpoint::{Checkpoint, CheckpointError, Stored};
 use super::fill::fill;
+use super::material::time_step;
 use super::outcome::{Energies, EventRecord, Failure, Outcome, Stop, TracePoint};
 use super::setup::{Action, Event, Setup};
 use super::validate::validate;
@@ -14,6 +15,20 @@ use super::world::World;
 
 /// Steps between looks at energies and overlaps: a look costs about as much as a step.
 const LOOK_INTERVAL: u64 = 64;
+
+/// Grains moved by one step per second of processor time, roughly, on a core of today: fewer without AVX-512, more in a bed at rest.
+const RATE: f64 = 2.5e7;
+/// Time of a run over that of its last event, roughly: what comes after it is seldom longer than the wait before.
+const AFTERMATH: f64 = 2.0;
+
+/// What a run may take [s of one core] before any like it was timed, good to a factor of three or so: the grains of mean
+/// radius that fill the volume asked for, moved over twice the time of the last event.
+pub fn expected_seconds(setup: &Setup) -> f64 {
+    let radius = setup.grains.size.mean();
+    let grains = setup.fill.volume / (4.0 / 3.0 * std::f64::consts::PI * radius * radius * radius);
+    let last = setup.events.iter().map(|event| event.time).fold(0.0, f64::max);
+    grains * (AFTERMATH * last).min(setup.stop.time_cap) / time_step(setup) / RATE
+}
 
 /// Runs a setup.
 ///

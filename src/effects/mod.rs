@@ -35,6 +35,7 @@ pub use library::{Handle, Library};
 
 use crate::rng::Stream;
 use crate::settings::{Settings, SettingsError};
+use crate::units::format;
 
 /// Every effect that a study can name.
 pub const EFFECTS: &[&dyn Effect] = &[
@@ -106,7 +107,10 @@ pub enum EffectError {
         known: String,
     },
     /// The strength leaves the physical range.
-    #[error("effect `{name}` cannot have strength {strength}; its range is {lower} to {upper} {unit}")]
+    #[error(
+        "effect `{name}` cannot have strength {}; its range is {} to {}",
+        format(*strength, unit), format(*lower, unit), format(*upper, unit)
+    )]
     OutOfRange {
         /// Name of the effect.
         name: String,
