@@ -313,7 +313,8 @@ fn handy(value: f64, unit: &str) -> (i32, &str) {
     }
 }
 
-fn with_unit(number: &str, unit: &str) -> String {
+/// A number with its unit; a bare number where that is `1` or none.
+pub fn with_unit(number: &str, unit: &str) -> String {
     if unit == "1" || unit.is_empty() { number.to_owned() } else { format!("{number} {unit}") }
 }
 

@@ -21,7 +21,7 @@ const RATE: f64 = 2.5e7;
 /// Time of a run over that of its last event, roughly: what comes after it is seldom longer than the wait before.
 const AFTERMATH: f64 = 2.0;
 
-/// What a run may take [s of one core] before any like it was timed, good to a factor of three or so: the grains of mean
+/// What a run may take [s of one core] before any like it was timed, within a factor of four for the tests of the paper: the grains of mean
 /// radius that fill the volume asked for, moved over twice the time of the last event.
 pub fn expected_seconds(setup: &Setup) -> f64 {
     let radius = setup.grains.size.mean();

@@ -35,7 +35,7 @@ pub use library::{Handle, Library};
 
 use crate::rng::Stream;
 use crate::settings::{Settings, SettingsError};
-use crate::units::format;
+use crate::units::with_unit;
 
 /// Every effect that a study can name.
 pub const EFFECTS: &[&dyn Effect] = &[
@@ -108,8 +108,8 @@ pub enum EffectError {
     },
     /// The strength leaves the physical range.
     #[error(
-        "effect `{name}` cannot have strength {}; its range is {} to {}",
-        format(*strength, unit), format(*lower, unit), format(*upper, unit)
+        "effect `{name}` cannot have strength {strength}; its range is {lower} to {}",
+        with_unit(&upper.to_string(), unit)
     )]
     OutOfRange {
         /// Name of the effect.
