@@ -1,9 +1,10 @@
 //! Error rates of the verdict, layer (a) of `challenges.sh`: measured sets drawn from pools of stored runs.
 //!
-//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS PANELS [TRUTH…]` takes a study that is trained. For every
-//! truth, or for those named as `none` and `cohesion=1`, it stores POOL runs of each fitted experiment, prepares PANELS
-//! diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
-//! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them. A cell that stands in
+//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS PANELS EVIDENCE [TRUTH…]` takes a study that is trained.
+//! For every truth, or for those named as `none` and `cohesion=1`, it stores POOL runs of each fitted experiment, prepares
+//! PANELS diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
+//! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them: with all observables, the KPIs alone,
+//! or all of them but the true effect left out of the library (EVIDENCE, as `all,kpis,without`). A cell that stands in
 //! FOLDER/rates.csv already is not done again.
 
 use granulake::campaign::{Campaign, Options, Values};
@@ -50,13 +51,14 @@ const WEIGHINGS: (f64, u32) = (30.0, 10);
 fn main() -> Result<(), Failed> {
     // cargo passes `--bench` on to the binary.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
-    let [folder, pool, sets, counts, thetas, panels, truths @ ..] = arguments.as_slice() else {
+    let [folder, pool, sets, counts, thetas, panels, evidence, truths @ ..] = arguments.as_slice() else {
         println!("challenges: no folder given, nothing to do; see benches/challenges.sh");
         return Ok(());
     };
     let counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
     let panels: u32 = panels.parse()?;
-    let plan = Plan { pool: pool.parse()?, sets: sets.parse::<u32>()? / panels.max(1), counts };
+    let evidence = evidence.split(',').map(str::to_owned).collect();
+    let plan = Plan { pool: pool.parse()?, sets: sets.parse::<u32>()? / panels.max(1), counts, evidence };
     let study = Study::load(&Path::new(folder).join("pipeline.toml"))?;
     let campaign = study.campaign(Options { progress: false, ..Options::default() })?;
     let mut book = Book::open(Path::new(folder).join("rates.csv"))?;
@@ -95,6 +97,8 @@ struct Plan {
     /// Sets of every panel in a cell.
     sets: u32,
     counts: Vec<u32>,
+    /// What is judged: `all`, `kpis`, `without`.
+    evidence: Vec<String>,
 }
 
 /// One truth.
@@ -159,8 +163,10 @@ impl Hidden<'_> {
     fn cells_of(&self, panel: u32, plan: &Plan) -> Vec<Cell> {
         let of_count = |count: &u32| {
             let cell = |evidence, without| Cell { panel, count: *count, evidence, without };
-            let left_out = self.effect.filter(|_| self.left_out).map(|(name, _)| cell("all", Some(name)));
-            [cell("all", None), cell("kpis", None)].into_iter().chain(left_out).collect::<Vec<_>>()
+            let left_out = self.effect.filter(|_| self.left_out).map(|(name, _)| ("without", cell("all", Some(name))));
+            let all = [("all", cell("all", None)), ("kpis", cell("kpis", None))].into_iter().chain(left_out);
+            let asked = all.filter(|(what, _)| plan.evidence.iter().any(|known| known == what));
+            asked.map(|(_, cell)| cell).collect::<Vec<_>>()
         };
         plan.counts.iter().flat_map(of_count).collect()
     }

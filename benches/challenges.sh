@@ -29,7 +29,7 @@ cp -r artifacts/measured "$folder/"
 granulake repro train >/dev/null
 
 echo "## (a) drawn sets: pools of $pool runs per truth and test, $sets sets a cell, $panels panels"
-cargo bench --quiet --bench challenges -- "$folder" "$pool" "$sets" "$counts" "$thetas" "$panels"
+cargo bench --quiet --bench challenges -- "$folder" "$pool" "$sets" "$counts" "$thetas" "$panels" all,kpis,without
 
 echo
 echo "## (b) $blind sealed challenges end to end"

@@ -402,7 +402,7 @@ const THRESHOLDS: &[Key] = &[
         "odds",
         Kind::Number("1", 1.0, 1e6),
         "3",
-        "odds by which an effect must beat \"something else\", and a pair every effect",
+        "odds by which an effect must beat \"something else\" and \"nothing\", and a pair every effect too",
     ),
     key(
         "visibility",

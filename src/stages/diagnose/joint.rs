@@ -15,7 +15,7 @@ use super::closer::{Look, Run, Seen};
 use super::direct;
 use super::fit::{self, Fitted, Surface, Weights};
 use super::lab::Lab;
-use super::moments::Moment;
+use super::moments::{Batch, Moment};
 use super::verdict::Case;
 use crate::campaign::CampaignError;
 use crate::effects::{self, Handle};
@@ -65,8 +65,8 @@ pub struct Contender {
 struct Tie {
     /// Where the runs at the optimum were made.
     x: DVector<f64>,
-    /// Covariance of the measured values, with the scatter of these runs.
-    noise: DMatrix<f64>,
+    /// These runs.
+    batch: Batch,
 }
 
 /// The optimum with the effect in the model.
@@ -174,11 +174,18 @@ impl Contender {
         let name = self.name().to_owned();
         let label = format!("{}/with {name}", case.set.name);
         let batch = direct::batch(case.context, lab, label, &found.u, &[(name, found.strength)])?;
-        let Some(noise) = case.evidence.noise(&batch, &case.shape) else { return Ok(()) };
-        let x = found.fit.parameters;
-        self.surface = Ok(surface.knowing(&[(x.clone(), batch)]));
-        self.tie = Some(Tie { x, noise: noise.covariance });
+        if case.evidence.noise(&batch, &case.shape).is_some() {
+            let x = found.fit.parameters;
+            self.surface = Ok(surface.knowing(&[(x.clone(), batch.clone())]));
+            self.tie = Some(Tie { x, batch });
+        }
         Ok(())
+    }
+
+    /// Covariance of the measured values, with the scatter of the runs at the tie.
+    fn noise(&self, case: &Case) -> DMatrix<f64> {
+        let known = self.tie.as_ref().and_then(|tie| case.evidence.noise(&tie.batch, &case.shape));
+        known.map_or_else(|| case.noise.covariance.clone(), |noise| noise.covariance)
     }
 
     fn has_strength(&self, found: &JointFit) -> bool {
@@ -194,10 +201,11 @@ impl Contender {
     /// Samples parameters and strength given the data. The optimum alone would be judged by the metamodels' error there,
     /// where direct runs make it small. Nothing is sampled without such runs.
     pub fn sample(&mut self, case: &Case) -> Result<(), StageError> {
-        let (Some(tie), Ok(surface), Some(JointFit { fit, .. })) = (&self.tie, &self.surface, self.fit(case)?) else {
+        let (true, Ok(surface), Some(JointFit { fit, .. })) = (self.is_tied(), &self.surface, self.fit(case)?) else {
             return Ok(());
         };
-        let weights = Weights { noise: &tie.noise, correlation: &case.shape.correlation };
+        let noise = self.noise(case);
+        let weights = Weights { noise: &noise, correlation: &case.shape.correlation };
         let parameters = self.parameters(case, fit.parameters.as_slice());
         let ln_density = |x: &[f64]| {
             weights.ln_posterior(surface, &case.evidence.values, &parameters, &DVector::from_column_slice(x))
@@ -237,8 +245,8 @@ impl Contender {
 
     /// The optimum of the metamodels.
     fn optimum(&self, case: &Case, surface: &Surface) -> Result<Fitted, StageError> {
-        let noise = self.tie.as_ref().map_or(&case.noise.covariance, |tie| &tie.noise);
-        let weights = Weights { noise, correlation: &case.shape.correlation };
+        let noise = self.noise(case);
+        let weights = Weights { noise: &noise, correlation: &case.shape.correlation };
         let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| weights.at(surface, &tie.x));
         let parameters = |start: &[f64]| self.parameters(case, start);
         fit::two_passes(surface, &case.evidence, weights, (&typical, &self.starts(case)), parameters)

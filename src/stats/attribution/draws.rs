@@ -5,7 +5,7 @@
 //! estimated from few repetitions), the shift of the effect, and the error of its signature. Every purpose has its own random stream; strengths of one search share it, so that
 //! the detection probability varies smoothly with the strength.
 
-use super::effect::{Curve, Steepest};
+use super::effect::{Curve, Size};
 use super::judge::{Critical, Found, Machine, Seen};
 use super::noise::{Noise, tail_ratio};
 use super::outcome::DetectionLimit;
@@ -27,10 +27,9 @@ pub(super) struct World {
 }
 
 impl World {
-    /// The true signature is taken to be smaller than `curve` by what its own error adds to the size of its steepest node.
-    pub(super) fn new(curve: &Curve, error: &DMatrix<f64>, steepest: Steepest) -> Self {
-        let Steepest { norm2, raw_norm2, .. } = steepest;
-        let shrink = if raw_norm2 > 0.0 { (norm2 / raw_norm2).sqrt() } else { 0.0 };
+    /// The true signature is taken to be smaller than `curve` by what its own error adds to the `size` of the one it is judged by.
+    pub(super) fn new(curve: &Curve, error: &DMatrix<f64>, size: Size) -> Self {
+        let shrink = size.own_share().sqrt();
         let root = error.iter().any(|x| *x != 0.0).then(|| {
             let eigen = error.clone().symmetric_eigen();
             let sizes = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());

@@ -269,11 +269,16 @@ impl Projected {
         if norm > 0.0 { dot(v, t) / norm } else { 0.0 }
     }
 
-    /// The signature by which the effect is judged visible or not.
-    pub(super) fn steepest(&self) -> Steepest {
-        let node = self.curve.steepest();
-        let raw_norm2 = dot(&self.curve.vectors[node], &self.curve.vectors[node]);
-        Steepest { node, raw_norm2, norm2: self.norm2(node) }
+    /// The signature by which the effect is judged visible or not: the largest or, if less of its size is its own error, the
+    /// one that a fit takes.
+    pub(super) fn judged_by(&self, fitted: usize) -> Size {
+        let (largest, fitted) = (self.size(self.curve.steepest()), self.size(fitted));
+        if fitted.own_share() > largest.own_share() { fitted } else { largest }
+    }
+
+    fn size(&self, node: usize) -> Size {
+        let v = &self.curve.vectors[node];
+        Size { node, raw_norm2: dot(v, v), norm2: self.norm2(node) }
     }
 
     /// The largest |η|·‖Mg̃‖ of all signatures, bias-corrected.
@@ -289,15 +294,22 @@ impl Projected {
     }
 }
 
-/// The signature of an effect that changes most per unit of strength.
+/// How large one signature of an effect is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Steepest {
+pub(super) struct Size {
     /// Its place among the signatures.
     pub node: usize,
     /// ‖Mg̃‖², as it came.
     pub raw_norm2: f64,
     /// The same, bias-corrected.
     pub norm2: f64,
+}
+
+impl Size {
+    /// Share that is not its own error.
+    pub(super) fn own_share(&self) -> f64 {
+        if self.raw_norm2 > 0.0 { self.norm2 / self.raw_norm2 } else { 0.0 }
+    }
 }
 
 /// p-value of "this vector is nothing but its error".

@@ -15,10 +15,13 @@ const FEASIBLE: f64 = 1e-9;
 /// Share of a signature that must be left beside another one before the two are tried as a pair.
 const DISTINCT: f64 = 1e-4;
 
+/// ln BF of "no discrepancy", against which those of all others are given.
+const NO_DISCREPANCY: f64 = 0.0;
+
 /// What a residual leads to; indices of candidates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// T₀ is not rejected.
+    /// T₀ is not rejected, or what would explain it is hardly likelier than chance.
     Nothing,
     /// One effect.
     Effect(usize),
@@ -227,15 +230,18 @@ impl Machine {
         let other = self.ln_bayes_other(seen.t0, s_factor);
         let bayes: Vec<f64> = (0..fits.len()).map(|k| self.evidence_of(seen, fits, k).ln_bayes(tau_factor)).collect();
         let testable = |k: &usize| self.rules[*k].testable;
-        let single = (0..fits.len()).filter(testable).map(|k| bayes[k]).fold(other, f64::max);
+        let single = (0..fits.len()).filter(testable).map(|k| bayes[k]).fold(other.max(NO_DISCREPANCY), f64::max);
         if let Some((pair, ln_bayes)) = self.best_pair(seen, fits, tau_factor)
             && ln_bayes >= single + ln_odds
         {
             return Outcome::Pair(pair.0, pair.1);
         }
         let accepted = |k: &usize| self.accepts(&fits[*k], *k);
-        let named = (0..fits.len()).filter(accepted).filter(|k| bayes[*k] >= other + ln_odds);
-        let best = named.map(|k| fits[k].misfit).fold(f64::INFINITY, f64::min);
+        let named: Vec<usize> = (0..fits.len()).filter(accepted).filter(|k| bayes[*k] >= other + ln_odds).collect();
+        if !named.is_empty() && named.iter().all(|k| bayes[*k] < NO_DISCREPANCY + ln_odds) {
+            return Outcome::Nothing;
+        }
+        let best = named.iter().map(|k| fits[*k].misfit).fold(f64::INFINITY, f64::min);
         let near = |k: &usize| 0.5 * (fits[*k].misfit - best) < self.options.class_rule;
         let class: Vec<usize> = (0..fits.len()).filter(accepted).filter(near).collect();
         match class[..] {

@@ -12,6 +12,11 @@
 //!    residuals, gives family-wise p-values and the detection limit η₉₀ (`draws`, with the `noise` of a Σ that was itself
 //!    estimated from few repetitions).
 //!
+//! **A name is worth more than chance.** The adequacy test alarms once in twenty times where nothing is missing, and some
+//! effect then fits what is left over. So what is named must beat "no discrepancy" by the odds by which it must beat
+//! "other"; where it does not, no discrepancy is detected and [`Attribution::notes`] says so. What no candidate fits
+//! remains an alarm.
+//!
 //! **On a bound.** Where a parameter sits on its bound, the tangent space is no linear space: the parameter may move
 //! inwards only. Every fit is then the best feasible one over all choices of which of these parameters stay on their
 //! bound (whose columns leave the tangent space), which is the exact minimum for a linear model, and all critical
@@ -201,7 +206,7 @@ pub struct Options {
     pub leftover_level: f64,
     /// Level at which a projected signature must differ from its own error (0.01).
     pub signature_level: f64,
-    /// Posterior odds by which an effect must beat "other", and a pair every single effect (3).
+    /// Posterior odds by which an effect must beat "other" and "no discrepancy", and a pair every single effect too (3).
     pub odds: f64,
     /// Effects whose log-likelihood is within this of the best one form a class (3).
     pub class_rule: f64,

@@ -178,9 +178,10 @@ pub struct EffectReport {
     pub status: Status,
     /// a = ‖Mg̃‖ of the local signature, bias-corrected, per unit of strength.
     pub a: f64,
-    /// ‖Mg̃‖²/‖g̃‖² of the largest signature, both bias-corrected: the share that calibration cannot imitate.
+    /// ‖Mg̃‖²/‖g̃‖² of the largest signature or, if that is better known, of the one at the fitted strength, both
+    /// bias-corrected: the share that calibration cannot imitate.
     pub visibility: f64,
-    /// p-value of "the same projected signature is only its own error".
+    /// p-value of "the same projected signature is only its own error", twice that where there was a choice.
     pub signature_p: f64,
     /// z = uᵀr̃ of the local signature.
     pub z: f64,

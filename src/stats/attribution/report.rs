@@ -42,7 +42,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
         .iter()
         .zip(&errors)
         .zip(&machine.effects[0])
-        .map(|((curve, errors), effect)| World::new(curve, errors.of_fit(), effect.steepest()))
+        .map(|((curve, errors), effect)| World::new(curve, errors.of_fit(), effect.judged_by(errors.fitted)))
         .collect();
     let noise = Noise::new(problem, &whitened, options);
     let null = draws::calibrate(&mut machine, &noise, &worlds);
@@ -120,20 +120,22 @@ impl Visible {
         k: usize,
     ) -> Self {
         let (effect, geometry) = (&machine.effects[0][k], &machine.geometries[0]);
-        let (steepest, raw_error) = (effect.steepest(), whitened.covariance(&candidate.covariance));
-        let vector = DVector::from_column_slice(&signature.vectors[steepest.node]);
+        let (size, raw_error) = (effect.judged_by(errors.fitted), whitened.covariance(&candidate.covariance));
+        let vector = DVector::from_column_slice(&signature.vectors[size.node]);
         let full = vector.norm_squared();
         let full_norm2 = (full - raw_error.trace()).max(0.0);
-        let visibility = if full_norm2 > 0.0 { (steepest.norm2 / full_norm2).min(1.0) } else { 0.0 };
+        let visibility = if full_norm2 > 0.0 { (size.norm2 / full_norm2).min(1.0) } else { 0.0 };
         let level = machine.options.signature_level;
         let known = significance(&vector, &raw_error, full.max(f64::MIN_POSITIVE)) <= level;
-        let error = geometry.projected(&errors.each[steepest.node]);
-        let p = significance(&geometry.basis.tr_mul(&vector), &error, full);
+        let error = geometry.projected(&errors.each[size.node]);
+        // The better known of two signatures is a choice, for which a test pays.
+        let choices = candidate.signatures.len().min(2) as f64;
+        let p = (choices * significance(&geometry.basis.tr_mul(&vector), &error, full)).min(1.0);
         let status = if let Err(why) = &candidate.testable {
             Status::NotTestable(why.clone())
         } else if known && visibility < machine.options.visibility && effect.reach() < REACH {
             Status::AbsorbedByCalibration
-        } else if p > level || steepest.norm2 <= 0.0 {
+        } else if p > level || size.norm2 <= 0.0 {
             Status::SignatureNotResolved
         } else {
             Status::Testable
@@ -169,7 +171,7 @@ impl Report<'_> {
             t0_p: self.p_of(&self.null.t0, seen.t0, machine.evidence(), simulated),
             method: if simulated { TestMethod::ParametricBootstrap } else { TestMethod::ChiSquare },
             ln_bayes_other: machine.ln_bayes_other(seen.t0, 1.0),
-            notes: self.notes(&effects),
+            notes: self.notes(&effects, outcome),
             effects,
             confusion: self.confusion(),
             separations,
@@ -383,8 +385,20 @@ impl Report<'_> {
         self.whitened.held.iter().map(|held| self.problem.parameters[held.column].name.clone()).collect()
     }
 
-    fn notes(&self, effects: &[EffectReport]) -> Vec<String> {
+    fn notes(&self, effects: &[EffectReport], outcome: Outcome) -> Vec<String> {
         let mut notes = Vec::new();
+        if outcome == Outcome::Nothing && self.seen.t0 > self.machine.critical.t0 {
+            let accepted = effects.iter().filter(|effect| effect.accepted);
+            let likeliest = accepted.max_by(|a, b| a.ln_bayes.total_cmp(&b.ln_bayes));
+            notes.extend(likeliest.map(|effect| {
+                format!(
+                    "T₀ is rejected, but the odds of {} against no effect are {:.1} : 1, and a name takes {}",
+                    effect.name,
+                    libm::exp(effect.ln_bayes),
+                    self.machine.options.odds
+                )
+            }));
+        }
         for name in self.on_bound() {
             notes.push(format!("{name} sits on its bound; fits and critical values allow it to move inwards only"));
         }
