@@ -371,7 +371,7 @@ pub struct Thresholds {
     pub condition: f64,
     /// Repetitions from which standard deviations enter the test.
     pub sd_from: u32,
-    /// Odds by which an effect must beat "something else", and a pair every single effect.
+    /// Odds by which an effect must beat "something else" and "nothing", and a pair every single effect too.
     pub odds: f64,
     /// Share of a signature below which an effect that is out of reach is absorbed by calibration.
     pub visibility: f64,
