@@ -57,7 +57,9 @@ fn main() -> Result<(), Failed> {
     };
     let counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
     let panels: u32 = panels.parse()?;
-    let evidence = evidence.split(',').map(str::to_owned).collect();
+    let evidence: Vec<String> = evidence.split(',').map(str::to_owned).collect();
+    one_of("EVIDENCE", &evidence, &["all", "kpis", "without"].map(str::to_owned))?;
+    one_of("TRUTH", truths, &TRUTHS.iter().map(|(effect, _)| name_of(*effect)).collect::<Vec<_>>())?;
     let plan = Plan { pool: pool.parse()?, sets: sets.parse::<u32>()? / panels.max(1), counts, evidence };
     let study = Study::load(&Path::new(folder).join("pipeline.toml"))?;
     let campaign = study.campaign(Options { progress: false, ..Options::default() })?;
@@ -72,6 +74,18 @@ fn main() -> Result<(), Failed> {
     }
     book.print();
     Ok(())
+}
+
+/// Fails on the first word that is not known.
+fn one_of(what: &str, words: &[String], known: &[String]) -> Result<(), Failed> {
+    match words.iter().find(|word| !known.contains(word)) {
+        Some(word) => Err(format!("{what} `{word}` is none of {}", known.join(", ")).into()),
+        None => Ok(()),
+    }
+}
+
+fn name_of(effect: Option<(&str, f64)>) -> String {
+    effect.map_or("none".to_owned(), |(name, strength)| format!("{name}={strength}"))
 }
 
 /// What is hidden at a place: the truths that the study has among its candidates.
@@ -119,7 +133,7 @@ struct Cell {
 
 impl Hidden<'_> {
     fn name(&self) -> String {
-        self.effect.map_or("none".to_owned(), |(name, strength)| format!("{name}={strength}"))
+        name_of(self.effect)
     }
 
     fn key(&self, cell: &Cell, plan: &Plan) -> String {
