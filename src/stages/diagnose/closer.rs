@@ -5,10 +5,10 @@
 //! metamodels learn what was seen, and the fit is repeated; the region follows the optimum, near or far, until that lies well inside
 //! one that was looked at.
 
-use super::anchors::{point_at, strength_at, with_more};
+use super::direct::{self, Axis};
 use super::evidence::Evidence;
 use super::fit::{self, Surface, Weights};
-use super::lab::{Job, Lab};
+use super::lab::Lab;
 use super::moments::Batch;
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, Parameter};
@@ -73,7 +73,7 @@ pub struct Look<'a> {
     /// Label of the runs.
     pub label: String,
     /// Name and range of the effect whose strength is the last coordinate, if there is one.
-    pub effect: Option<(&'a str, (f64, f64))>,
+    pub effect: Option<Axis<'a>>,
     /// What fits weigh by.
     pub weights: Weights<'a>,
     /// The parameters that start at a point.
@@ -112,21 +112,12 @@ impl Look<'_> {
         let diagnose = &self.context.config.diagnose;
         let seed = self.context.seed(&format!("{} {round}", self.label));
         let points = region.points(diagnose.refine_points as usize, seed);
-        let job = |(index, x): (usize, &DVector<f64>)| self.job(index as u32 + 1, x, round);
+        let job = |(index, x): (usize, &DVector<f64>)| {
+            let name = (format!("{} {round}", self.label), index as u32 + 1);
+            direct::job(self.context, name, x.as_slice(), self.effect, diagnose.anchor_repetitions)
+        };
         let jobs = points.iter().enumerate().map(job).collect::<Result<Vec<_>, _>>()?;
         Ok(points.into_iter().zip(lab.run(&jobs)?).collect())
-    }
-
-    fn job(&self, number: u32, x: &DVector<f64>, round: usize) -> Result<Job, StageError> {
-        let p = self.context.config.parameters.len();
-        let strength = self.effect.map(|(name, range)| (name.to_owned(), strength_at(range, x[p])));
-        let plain = point_at(self.context, number, &x.as_slice()[..p])?;
-        Ok(Job {
-            label: format!("{} {round}", self.label),
-            point: with_more(self.context, &plain, strength.as_slice()),
-            experiments: self.context.config.experiments(),
-            repetitions: self.context.config.diagnose.anchor_repetitions,
-        })
     }
 
     fn fit(&self, surface: &Surface, known: &DVector<f64>) -> Result<GlsFit, StageError> {

@@ -1,11 +1,28 @@
 //! Direct runs: DEM runs at a point of the diagnosis, where the metamodels' word is not enough.
 
-use super::anchors::{point_at, with_more};
+use super::anchors::{point_at, strength_at, with_more};
 use super::lab::{Job, Lab};
 use super::moments::Batch;
 use crate::experiments::Experiment;
 use crate::stages::{Context, StageError};
 use nalgebra::DVector;
+
+/// An effect with the range of its strength: what the last coordinate of a point means.
+pub type Axis<'a> = (&'a str, (f64, f64));
+
+/// Runs of the fitted experiments at `x`, the parameters in the unit cube and, with an axis, the place of the strength.
+pub fn job(
+    context: &Context,
+    (label, number): (String, u32),
+    x: &[f64],
+    axis: Option<Axis>,
+    repetitions: u32,
+) -> Result<Job, StageError> {
+    let p = context.config.parameters.len();
+    let strength = axis.map(|(name, range)| (name.to_owned(), strength_at(range, x[p])));
+    let point = with_more(context, &point_at(context, number, &x[..p])?, strength.as_slice());
+    Ok(Job { label, point, experiments: context.config.experiments(), repetitions })
+}
 
 /// Runs of the fitted experiments at `u`, with `effects` switched on besides.
 pub fn batch(

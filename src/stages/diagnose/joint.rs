@@ -12,7 +12,7 @@
 
 use super::anchors::{Anchors, place_of, strength_at};
 use super::closer::{Look, Run, Seen};
-use super::direct;
+use super::direct::{self, Axis};
 use super::fit::{self, Fitted, Surface, Weights};
 use super::lab::Lab;
 use super::moments::{Batch, Moment};
@@ -25,7 +25,7 @@ use crate::settings::{Scope, Settings};
 use crate::stages::StageError;
 use crate::stages::models::Models;
 use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
-use crate::stats::ensemble::{Length, Marginal, around, sample, walkers};
+use crate::stats::ensemble::{Length, Sample, around, sample, walkers};
 use nalgebra::{DMatrix, DVector};
 
 /// Share of its range below which a strength is as good as zero, and says nothing per unit.
@@ -56,8 +56,8 @@ pub struct Contender {
     was_run: bool,
     /// Whether the runs left it no strength.
     absent: bool,
-    /// Marginals of the parameters and the strength given the data, empty where they were not sampled.
-    posterior: Vec<Marginal>,
+    /// Draws of the parameters and the strength given the data, if they were sampled.
+    draws: Option<Sample>,
 }
 
 /// What direct runs around the joint optimum and at it tell.
@@ -89,7 +89,7 @@ impl Contender {
         runs.push(without(&(case.optimum.clone(), case.before.clone())));
         let surface = trained.map(|surface| surface.knowing(&runs));
         let mut contender =
-            Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false, posterior: Vec::new() };
+            Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false, draws: None };
         contender.misfit = match &contender.surface {
             Ok(surface) => Some(contender.optimum(case, surface)?.misfit),
             Err(_) => None,
@@ -160,7 +160,7 @@ impl Contender {
             context: case.context,
             evidence: &case.evidence,
             label: format!("{}/around {}", case.set.name, self.name()),
-            effect: Some((self.effect.name(), self.effect.range())),
+            effect: Some(self.axis()),
             weights: Weights { noise: &case.noise.covariance, correlation: &case.shape.correlation },
             parameters: &parameters,
             starts: self.starts(case),
@@ -198,6 +198,13 @@ impl Contender {
         Ok(Some(self.joint(case, self.optimum(case, surface)?.fit)))
     }
 
+    /// Tells the metamodels of further runs.
+    pub fn learn(&mut self, runs: &[Run]) {
+        if let Ok(surface) = &mut self.surface {
+            *surface = surface.knowing(runs);
+        }
+    }
+
     /// Samples parameters and strength given the data. The optimum alone would be judged by the metamodels' error there,
     /// where direct runs make it small. Nothing is sampled without such runs.
     pub fn sample(&mut self, case: &Case) -> Result<(), StageError> {
@@ -213,21 +220,31 @@ impl Contender {
         let sd: Vec<f64> = sds(&fit).into_iter().map(|sd| sd.max(LEAST_START)).collect();
         let mut stream = Stream::new(case.context.seed(&format!("strength {}", self.name())), "posterior walkers");
         let start = around(fit.parameters.as_slice(), &sd, walkers(sd.len()), &mut stream);
-        self.posterior = sample(start, ln_density, Length::default(), stream).marginals();
+        self.draws = Some(sample(start, ln_density, Length::default(), stream));
         Ok(())
+    }
+
+    /// Draws of the parameters and the place of the strength given the data, if they were sampled.
+    pub fn draws(&self) -> Option<&Sample> {
+        self.draws.as_ref()
+    }
+
+    /// What the last coordinate of its model means.
+    pub fn axis(&self) -> Axis<'_> {
+        (self.effect.name(), self.effect.range())
     }
 
     /// Mean and standard deviation of the strength given the data, if it was sampled.
     pub fn strength(&self) -> Option<(f64, f64)> {
-        let marginal = self.posterior.last()?;
+        let marginal = self.draws.as_ref()?.marginals().pop()?;
         Some((strength_at(self.effect.range(), marginal.mean), marginal.sd * self.width()))
     }
 
     /// Standard deviations of the parameters and the strength in the unit cube, as sampled, else those of the fit.
     pub fn spread(&self, found: &JointFit) -> Vec<f64> {
-        match self.posterior.as_slice() {
-            [] => sds(&found.fit),
-            sampled => sampled.iter().map(|marginal| marginal.sd).collect(),
+        match &self.draws {
+            None => sds(&found.fit),
+            Some(draws) => draws.marginals().iter().map(|marginal| marginal.sd).collect(),
         }
     }
 

@@ -4,10 +4,11 @@
 //! measured data set: all statistics are fitted at once over metamodels (`fit`), and the optimum is simulated directly
 //! (`direct`); metamodels over parameters and strength give the signature of every candidate, and those that may be
 //! named are simulated directly at their own optimum first (`joint`); the residual is attributed
-//! ([`crate::stats::attribution`]), less the model's own offset where the data have `controls`. An effect that is accepted is switched on, its strength calibrated together with
-//! the parameters, and both models are simulated anew (`before_after`). The held-out experiment enters nothing of this
-//! but the last comparison.
+//! ([`crate::stats::attribution`]), less the model's own offset where the data have `controls`. An effect that is accepted is
+//! switched on, its strength calibrated together with the parameters, with runs along what the data leave open (`along`), and
+//! both models are simulated anew (`before_after`). The held-out experiment enters nothing of this but the last comparison.
 
+mod along;
 mod anchors;
 mod before_after;
 mod closer;
@@ -43,7 +44,7 @@ use verdict::{Prepared, prepare};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 16,
+    version: 17,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[

@@ -10,7 +10,7 @@ use super::fit::{self, Slopes, Surface, Weights};
 use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Batch, Moment, Moments, Shape};
-use super::{Tables, proposals, rows};
+use super::{Tables, along, proposals, rows};
 use crate::config::{Accept, Measured, MeasuredSource, Resolution};
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
@@ -87,9 +87,16 @@ pub fn diagnose(
             return Ok(());
         }
     };
-    let Examined { case, contenders, candidates, attribution, .. } = examine(models, anchors, lab, prepared)?;
-    rows::write(&case, &contenders, &candidates, &attribution, tables);
+    let Examined { case, mut contenders, candidates, mut attribution, .. } = examine(models, anchors, lab, prepared)?;
     let accepted = accepted(&case, &attribution);
+    for contender in &mut contenders {
+        match accepted.as_deref() == Some(contender.name()) {
+            true => along::follow(&case, contender, lab)?,
+            false => contender.sample(&case)?,
+        }
+        state_strength(contender, &mut attribution);
+    }
+    rows::write(&case, &contenders, &candidates, &attribution, tables);
     let added = accepted.and_then(|name| contenders.iter().find(|contender| contender.name() == name));
     before_after::compare(&case, lab, added, tables)
 }
@@ -115,10 +122,6 @@ pub fn examine<'a>(
                 if matches!(attribution.verdict, Verdict::Class { .. }) {
                     let proposals = proposals::all(&case, models, anchors, &candidates, &attribution.verdict.names());
                     attribution = attributed(&case, candidates.clone(), proposals, options(&case))?;
-                }
-                for contender in &mut contenders {
-                    contender.sample(&case)?;
-                    state_strength(contender, &mut attribution);
                 }
                 return Ok(Examined { case, surface, contenders, candidates, attribution });
             }

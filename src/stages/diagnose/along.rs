@@ -1,0 +1,89 @@
+//! Direct runs along what the data leave open.
+//!
+//! An optimum is known by its own runs; how far the data allow another strength is known only as well as the metamodels are
+//! there. Where parameters can stand in for an effect that is far: the statistics hardly change along a line on which both
+//! trade places, and a metamodel that bends it a little makes one end of it look impossible. So the simulation is run at
+//! a few places of that line, the metamodels learn what was seen, and parameters and strength are drawn anew, until the strength
+//! stays.
+
+use super::direct;
+use super::joint::Contender;
+use super::lab::{Job, Lab};
+use super::verdict::Case;
+use crate::stages::StageError;
+use crate::stats::ensemble::Sample;
+use nalgebra::DVector;
+
+/// Strengths at which runs are made, in standard deviations from their mean.
+const PLACES: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
+/// Most times that runs are made.
+const ROUNDS: usize = 3;
+/// Share of its standard deviation by which a strength may move and still count as the same.
+const SETTLED: f64 = 0.5;
+
+/// Draws parameters and strength of a contender given the data, with runs along the line that they lie on. Does nothing
+/// where no direct runs stand behind its model.
+pub fn follow(case: &Case, contender: &mut Contender, lab: &mut Lab) -> Result<(), StageError> {
+    contender.sample(case)?;
+    for round in 1..=ROUNDS {
+        let (Some(draws), Some((before, _))) = (contender.draws(), contender.strength()) else { return Ok(()) };
+        let places = line(draws);
+        let job = |(index, x): (usize, &DVector<f64>)| job(case, contender, (round, index), x);
+        let jobs = places.iter().enumerate().map(job).collect::<Result<Vec<_>, _>>()?;
+        let runs: Vec<_> = places.into_iter().zip(lab.run(&jobs)?).collect();
+        contender.learn(&runs);
+        contender.sample(case)?;
+        if contender.strength().is_some_and(|(after, sd)| (after - before).abs() < SETTLED * sd) {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Parameters and strength, the last coordinate, at the places: the mean of the parameters given the strength.
+fn line(draws: &Sample) -> Vec<DVector<f64>> {
+    let (marginals, correlations) = (draws.marginals(), draws.correlations());
+    let last = marginals.len() - 1;
+    let at = |k: f64, i: usize| marginals[i].mean + k * correlations[i][last] * marginals[i].sd;
+    PLACES.iter().map(|k| DVector::from_fn(last + 1, |i, _| at(*k, i).clamp(0.0, 1.0))).collect()
+}
+
+/// Half as many runs at a place as at an optimum.
+fn job(
+    case: &Case,
+    contender: &Contender,
+    (round, index): (usize, usize),
+    x: &DVector<f64>,
+) -> Result<Job, StageError> {
+    let label = format!("{}/along {} {round}", case.set.name, contender.name());
+    let repetitions = (case.context.config.diagnose.refine_repetitions / 2).max(2);
+    direct::job(case.context, (label, index as u32 + 1), x.as_slice(), Some(contender.axis()), repetitions)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::points::Points;
+
+    /// Strengths of mean 0.5 and sd 0.1, a parameter that falls by 2 with them and one that ignores them.
+    #[test]
+    fn the_places_lie_on_the_line_on_which_parameters_follow_the_strength() {
+        let mut points = Points::empty(3);
+        for (strength, other) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+            points.push(&[0.4 - 0.2 * strength, 0.3 + 0.1 * other, 0.5 + 0.1 * strength]);
+        }
+        let draws = Sample { points, ln_density: vec![0.0; 4], acceptance: 0.5, autocorrelation_time: 1.0 };
+        let expected = [[0.8, 0.3, 0.3], [0.6, 0.3, 0.4], [0.2, 0.3, 0.6], [0.0, 0.3, 0.7]];
+        for (place, expected) in line(&draws).iter().zip(expected) {
+            assert!(place.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{place}");
+        }
+    }
+
+    #[test]
+    fn places_stay_within_the_cube() {
+        let mut points = Points::empty(2);
+        [[0.1, 0.9], [0.3, 0.7]].iter().for_each(|x| points.push(x));
+        let draws = Sample { points, ln_density: vec![0.0; 2], acceptance: 0.5, autocorrelation_time: 1.0 };
+        assert_eq!(line(&draws)[3].as_slice(), &[0.0, 1.0]);
+    }
+}
