@@ -260,7 +260,8 @@ impl Hidden<'_> {
         let (_, limits, _) = first.ok_or("a drawn set lacks an observable")?;
         let judged: Vec<Option<PanelRows>> =
             sets.par_iter().map(|set| panel.judge(set, 0)).collect::<Result<_, _>>().map_err(|e| e.to_string())?;
-        let declaration = Declaration { effect: self.effect.map(|(n, s)| (n.to_owned(), s)), foreign: false };
+        let effect = self.effect.map(|(name, strength)| (name.to_owned(), strength));
+        let declaration = Declaration { effect, foreign: false, parameters: BTreeMap::default() };
         let mut tally = Tally::new(&limits, self.effect, cell);
         for rows in judged.into_iter().flatten() {
             let (verdict, mut attribution, confusion) = rows;

@@ -11,7 +11,7 @@ use crate::effects::EffectError;
 use crate::experiments::Experiment;
 use crate::rng::Stream;
 use crate::stats::special::{chi2_quantile, chi2_sf};
-use crate::tables::list::{AttributionRow, ConfusionRow, KpiRow, VerdictRow};
+use crate::tables::list::{AttributionRow, ConfusionRow, KpiRow, RecalibrationRow, VerdictRow};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -240,6 +240,8 @@ pub struct Declaration {
     pub effect: Option<(String, f64)>,
     /// Whether a setting was changed that no effect describes.
     pub foreign: bool,
+    /// The hidden parameters, in SI units.
+    pub parameters: BTreeMap<String, f64>,
 }
 
 impl Declaration {
@@ -255,11 +257,13 @@ impl Declaration {
         }
         let wrong = |what: &dyn std::fmt::Display| ChallengeError::Declaration(what.to_string());
         let table: toml::Table = sealed.parse().map_err(|e: toml::de::Error| wrong(&e))?;
-        let effects = table.get("effects").and_then(toml::Value::as_table).ok_or_else(|| wrong(&"no [effects]"))?;
-        let effects: BTreeMap<&String, f64> =
-            effects.iter().filter_map(|(name, value)| Some((name, value.as_float()?))).collect();
-        let effect = effects.into_iter().next().map(|(name, strength)| (name.clone(), strength));
-        Ok(Self { effect, foreign: table.contains_key("scaled_settings") })
+        let numbers = |name: &str| -> Result<BTreeMap<String, f64>, ChallengeError> {
+            let table =
+                table.get(name).and_then(toml::Value::as_table).ok_or_else(|| wrong(&format!("no [{name}]")))?;
+            Ok(table.iter().filter_map(|(name, value)| Some((name.clone(), value.as_float()?))).collect())
+        };
+        let effect = numbers("effects")?.into_iter().next();
+        Ok(Self { effect, foreign: table.contains_key("scaled_settings"), parameters: numbers("parameters")? })
     }
 }
 
@@ -305,6 +309,21 @@ impl Score {
         let (found, sd) = self.found.zip(self.found_sd.filter(|sd| *sd > 0.0)).filter(|_| self.names_truth())?;
         Some((found - self.strength?) / sd)
     }
+}
+
+/// How far every hidden parameter is off in the standard errors of the model that holds what is hidden: the plain one where
+/// that is nothing and nothing was found, the one with the effect where that is named alone; none of any other model.
+pub fn parameters_off(declaration: &Declaration, score: &Score, rows: &[RecalibrationRow]) -> BTreeMap<String, f64> {
+    let model = match (&declaration.effect, score.named.as_slice()) {
+        (None, []) if !declaration.foreign && score.correct => "before",
+        (Some((name, _)), [named]) if name == named => "after",
+        _ => return BTreeMap::new(),
+    };
+    let of = |row: &RecalibrationRow| {
+        let hidden = declaration.parameters.get(&row.name).filter(|_| row.standard_error > 0.0)?;
+        Some((row.name.clone(), (row.value - hidden) / row.standard_error))
+    };
+    rows.iter().filter(|row| row.model == model).filter_map(of).collect()
 }
 
 /// Part of a candidate that could not be named, in the table of the attribution.

@@ -11,9 +11,10 @@ use crate::stages;
 use crate::stats::summary::clopper_pearson;
 use crate::store::{Store, table};
 use crate::tables::Row;
-use crate::tables::list::{AttributionRow, ConfusionRow, VerdictRow};
+use crate::tables::list::{AttributionRow, ConfusionRow, RecalibrationRow, VerdictRow};
 use clap::{Args, Subcommand};
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -170,25 +171,27 @@ fn solve(study: &Path, dir: &Path, without: Option<&str>, jobs: usize) -> Result
 
 /// Opens the seals and prints one line per challenge, or an array.
 fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
-    let mut scores = Vec::new();
+    let (mut scores, mut off) = (Vec::new(), Vec::new());
     for dir in dirs {
-        scores.push((dir, score_one(dir).map_err(|e| format!("{}: {e}", dir.display()))?));
+        let (score, parameters) = score_one(dir).map_err(|e| format!("{}: {e}", dir.display()))?;
+        off.extend(parameters.values());
+        scores.push((dir, score, parameters));
     }
     let mut out = std::io::stdout().lock();
     if as_json {
-        let entry = |(dir, s): &(&PathBuf, Score)| {
+        let entry = |(dir, s, parameters): &(&PathBuf, Score, BTreeMap<String, f64>)| {
             json!({
                 "dir": dir.display().to_string(), "truth": s.truth, "strength": s.strength, "in_library": s.in_library,
                 "verdict": s.verdict, "named": s.named, "found": s.found, "found_sd": s.found_sd, "off": s.off(),
                 "detectable": s.detectable,
-                "decidable": s.decidable, "correct": s.correct,
+                "decidable": s.decidable, "correct": s.correct, "parameters_off": parameters,
             })
         };
         writeln!(out, "{}", serde_json::Value::Array(scores.iter().map(entry).collect()))?;
         return Ok(Outcome::Done);
     }
     let names = ["challenge", "truth", "strength", "verdict", "named", "found", "sd", "off_in_sd", "correct"];
-    let cells = scores.iter().map(|(dir, s)| {
+    let cells = scores.iter().map(|(dir, s, _)| {
         vec![
             dir.display().to_string().into(),
             s.truth.clone().into(),
@@ -202,13 +205,13 @@ fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
         ]
     });
     writeln!(out, "{}", aligned(&names.map(str::to_owned), &cells.collect::<Vec<_>>()))?;
-    let scores: Vec<Score> = scores.into_iter().map(|(_, score)| score).collect();
-    writeln!(out, "{}", rates(&scores))?;
+    let scores: Vec<Score> = scores.into_iter().map(|(_, score, _)| score).collect();
+    writeln!(out, "{}", rates(&scores, &off))?;
     Ok(Outcome::Done)
 }
 
 /// Rates over several challenges, each with its exact 95 % interval, where there is anything to count.
-fn rates(scores: &[Score]) -> String {
+fn rates(scores: &[Score], parameters: &[f64]) -> String {
     let rate = |what: &str, counted: Vec<bool>| {
         let (hits, trials) = (counted.iter().filter(|hit| **hit).count(), counted.len());
         let interval = clopper_pearson(hits, trials, 0.95);
@@ -224,15 +227,18 @@ fn rates(scores: &[Score]) -> String {
         ),
         rate("false alarms where nothing is hidden", of(|s| s.truth == "none", |s| !s.correct)),
     ];
-    let off: Vec<f64> = scores.iter().filter_map(Score::off).collect();
-    let square = off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64;
-    let off = (!off.is_empty()).then(|| {
-        format!("{:.2} standard errors: root mean square by which {} strengths are off", square.sqrt(), off.len())
-    });
-    lines.into_iter().flatten().chain(off).collect::<Vec<_>>().join("\n")
+    let strengths: Vec<f64> = scores.iter().filter_map(Score::off).collect();
+    let within = |what: &str, off: &[f64]| {
+        let square = off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64;
+        let what =
+            format!("{what} within 1.96 standard errors, off by {:.2} of them (root mean square)", square.sqrt());
+        rate(&what, off.iter().map(|off| off.abs() < 1.96).collect())
+    };
+    let off = [within("strengths", &strengths), within("parameters", parameters)];
+    lines.into_iter().chain(off).flatten().collect::<Vec<_>>().join("\n")
 }
 
-fn score_one(dir: &Path) -> Result<Score, CliError> {
+fn score_one(dir: &Path) -> Result<(Score, BTreeMap<String, f64>), CliError> {
     let text = |name: &str| {
         std::fs::read_to_string(dir.join(name))
             .map_err(|e| format!("cannot read {name}: {e}; a scored challenge needs it"))
@@ -243,11 +249,14 @@ fn score_one(dir: &Path) -> Result<Score, CliError> {
         return Err("it has no solution; run `granulake challenge solve` first".into());
     }
     let verdicts: Vec<VerdictRow> = table::read(&solution, VerdictRow::SPEC)?;
+    let recalibration: Vec<RecalibrationRow> = table::read(&solution, RecalibrationRow::SPEC)?;
     let missing = "its solution has no verdict; run `granulake challenge solve` again";
     let solution = Solution {
         verdict: verdicts.into_iter().next().ok_or(missing)?,
         attribution: table::read(&solution, AttributionRow::SPEC)?,
         confusion: table::read(&solution, ConfusionRow::SPEC)?,
     };
-    Ok(challenge::score(&declaration, &solution))
+    let score = challenge::score(&declaration, &solution);
+    let parameters = challenge::parameters_off(&declaration, &score, &recalibration);
+    Ok((score, parameters))
 }

@@ -1,10 +1,10 @@
 //! Blind data on the quick study: what `challenge` hides, that solving never reads the seal, and how answers are scored.
 
 use crate::support::Study;
-use granulake::challenge::{Declaration, Score, Solution, score};
+use granulake::challenge::{Declaration, Score, Solution, parameters_off, score};
 use granulake::effects;
 use granulake::store::table;
-use granulake::tables::{AttributionRow, ConfusionRow, Row, SampleRow, VerdictRow};
+use granulake::tables::{AttributionRow, ConfusionRow, RecalibrationRow, Row, SampleRow, VerdictRow};
 use std::collections::BTreeMap;
 
 /// The quick study with its metamodels trained, and a challenge in `blind`.
@@ -57,6 +57,7 @@ fn a_solution_has_the_same_bytes_with_the_seal_gone() {
     let ended = study.succeed(&["challenge", "score", "blind", "--json"]);
     let scores: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
     assert!(scores[0]["correct"].is_boolean() && scores[0]["verdict"].is_string(), "{}", ended.out);
+    assert!(scores[0]["parameters_off"].is_object(), "{}", ended.out);
     assert_ne!(scores[0]["verdict"], "not_attributable", "{}", ended.out);
     assert_eq!((&scores[0]["truth"], &scores[0]["in_library"]), (&"size_distribution".into(), &true.into()));
     let ended = study.succeed(&["challenge", "score", "blind", "blind"]);
@@ -171,7 +172,15 @@ fn is_right(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), p
 }
 
 fn scored(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), part: &str, separation: f64) -> Score {
-    let declaration = Declaration { effect: hidden.map(|(name, strength)| (name.to_owned(), strength)), foreign };
+    score(&declared(hidden, foreign), &solved(verdict, part, separation))
+}
+
+fn declared(hidden: Option<(&str, f64)>, foreign: bool) -> Declaration {
+    let parameters = [("sliding_friction".to_owned(), 0.5)].into();
+    Declaration { effect: hidden.map(|(name, strength)| (name.to_owned(), strength)), foreign, parameters }
+}
+
+fn solved(verdict: (&str, &str), part: &str, separation: f64) -> Solution {
     let verdict = VerdictRow {
         measured: "challenge".to_owned(),
         verdict: verdict.0.to_owned(),
@@ -191,7 +200,32 @@ fn scored(hidden: Option<(&str, f64)>, foreign: bool, verdict: (&str, &str), par
         separation,
     }];
     let attribution = vec![row("cohesion", part), row("tilt", "rejected")];
-    score(&declaration, &Solution { verdict, attribution, confusion })
+    Solution { verdict, attribution, confusion }
+}
+
+/// 0.5 is hidden; the plain model says 0.4 and the one with the effect 0.55, both ± 0.05.
+#[test]
+fn parameters_are_compared_with_those_of_the_model_that_holds_what_is_hidden() {
+    let row = |model: &str, name: &str, value: f64| RecalibrationRow {
+        measured: "challenge".to_owned(),
+        model: model.to_owned(),
+        name: name.to_owned(),
+        value,
+        standard_error: 0.05,
+        unit: "1".to_owned(),
+        at_bound: false,
+    };
+    let rows =
+        ["sliding_friction", "cohesion"].map(|name| [row("before", name, 0.4), row("after", name, 0.55)]).concat();
+    let off = |hidden: Option<(&str, f64)>, verdict: (&str, &str)| {
+        let (declared, solved) = (declared(hidden, false), solved(verdict, "named", 0.0));
+        parameters_off(&declared, &score(&declared, &solved), &rows)
+    };
+    let one = |off: BTreeMap<String, f64>| off.get("sliding_friction").map(|off| (off * 1e9).round() / 1e9);
+    assert_eq!(one(off(Some(("cohesion", 1.0)), ("effect", "cohesion"))), Some(1.0));
+    assert_eq!(one(off(None, ("no_detectable_discrepancy", ""))), Some(-2.0));
+    assert!(off(Some(("cohesion", 1.0)), ("effect", "tilt")).is_empty(), "another effect's parameters");
+    assert!(off(None, ("none_of_the_candidates", "")).is_empty(), "a false alarm");
 }
 
 #[test]
