@@ -22,7 +22,7 @@ use rayon::prelude::*;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "calibrate",
-    version: 2,
+    version: 3,
     purpose: "parameters that bring the metamodels to the measured values",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[

@@ -13,6 +13,9 @@ use rayon::prelude::*;
 /// Stretch of a proposal, a of Goodman & Weare.
 const STRETCH: f64 = 2.0;
 
+/// How far below the best in ln p a walker is lost: a mode there has no weight that a sample could show.
+const LOST: f64 = 50.0;
+
 /// Length of a walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Length {
@@ -49,8 +52,8 @@ pub struct Sample {
 }
 
 /// Samples a density from where the walkers stand, at least 2(p + 1) of them in p coordinates and an even number. They
-/// must not lie in one plane. A walker in a far mode of little weight can stay there for good: start near the mode
-/// that is known, or all over the cube where none is.
+/// must not lie in one plane. A walker in a far mode could stay there for good; half-way through the burn-in those that are
+/// lost begin anew where another stands (in the manner of Hou et al. 2012, who prune them).
 ///
 /// # Panics
 /// If the number of walkers is odd or below 2(p + 1).
@@ -68,6 +71,9 @@ pub fn sample(
     let mut ln_densities = Vec::with_capacity(length.sweeps * walkers);
     let mut accepted = 0;
     for sweep in 0..length.burn_in + length.sweeps {
+        if sweep == length.burn_in / 2 {
+            walk.fetch_lost();
+        }
         let moved = walk.sweep(&ln_density, walkers / 2);
         if sweep >= length.burn_in {
             accepted += moved;
@@ -117,6 +123,17 @@ impl Walk {
             }
         }
         accepted
+    }
+
+    /// Puts every lost walker where one of the others stands.
+    fn fetch_lost(&mut self) {
+        let best = self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (lost, kept): (Vec<usize>, Vec<usize>) =
+            (0..self.values.len()).partition(|&walker| self.values[walker] < best - LOST);
+        for walker in lost {
+            let other = kept[self.stream.index(kept.len())];
+            (self.positions[walker], self.values[walker]) = (self.positions[other].clone(), self.values[other]);
+        }
     }
 
     /// A stretch along the line to a walker of the other half.
@@ -226,6 +243,24 @@ mod tests {
             assert!((marginal.upper - marginal.lower - 3.92 * sd).abs() < 0.5 * sd, "{marginal:?}");
         }
         assert!((found.correlations()[0][1] - 0.9).abs() < 0.03);
+    }
+
+    /// The ridge and a second mode in a corner, 55 lower in ln p; half-way between, as far as a move leads, it is 70 lower.
+    fn with_a_trap(x: &[f64]) -> f64 {
+        let (a, b) = ((x[0] - 0.05) / 0.03, (x[1] - 0.95) / 0.03);
+        ridge(x).max(-55.0 - 0.5 * (a * a + b * b))
+    }
+
+    #[test]
+    fn a_walker_lost_in_a_mode_without_weight_comes_back() {
+        let mut stream = Stream::new(3, "trap");
+        let mut start = around(&[0.4, 0.6], &[0.1, 0.05], 22, &mut stream);
+        start.extend([vec![0.05, 0.96], vec![0.04, 0.95]]);
+        let found = sample(start, with_a_trap, Length { burn_in: 200, sweeps: 2000 }, stream);
+        assert!(found.ln_density.iter().all(|&value| value > -LOST), "a walker is still in the trap");
+        for (marginal, (mean, sd)) in found.marginals().iter().zip([(0.4, 0.1), (0.6, 0.05)]) {
+            assert!((marginal.mean - mean).abs() < 0.12 * sd && (marginal.sd / sd - 1.0).abs() < 0.1, "{marginal:?}");
+        }
     }
 
     #[test]
