@@ -322,6 +322,12 @@ const METAMODEL: &[Key] = &[
         "\"cv2\"",
         "noise of `rbm`: cv squared, cv as printed, or variance of the mean",
     ),
+    key(
+        "sk_kernel",
+        Kind::Choice(&["squared_exponential", "matern_5_2"]),
+        "\"squared_exponential\"",
+        "kernel of `sk`: the paper's, which `ibm` and `rbm` have, or Matern 5/2, less smooth",
+    ),
 ];
 
 const CALIBRATE: &[Key] = &[

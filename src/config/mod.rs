@@ -25,9 +25,9 @@ pub use nearest::{nearest, suggestion};
 pub use points::ChosenPoint;
 pub use problem::{Place, Problem, Problems};
 pub use types::{
-    Accept, Analysis, Approach, Bounds, Calibrate, DensityBounds, Design, Diagnose, Effects, Filling, MeasuredSource,
-    Metamodel, MetamodelKind, Parameter, Prior, RbmNoise, Resolution, Scale, Statistics, Study, Thresholds, Validate,
-    Verify,
+    Accept, Analysis, Approach, Bounds, Calibrate, DensityBounds, Design, Diagnose, Effects, Filling, Kernel,
+    MeasuredSource, Metamodel, MetamodelKind, Parameter, Prior, RbmNoise, Resolution, Scale, Statistics, Study,
+    Thresholds, Validate, Verify,
 };
 
 use crate::experiments::{EXPERIMENTS, Experiment};

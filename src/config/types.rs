@@ -107,6 +107,16 @@ words! {
 }
 
 words! {
+    /// How the correlation of a process falls with distance.
+    Kernel {
+        /// Infinitely smooth, as the paper's.
+        SquaredExponential = "squared_exponential",
+        /// Matérn with ν = 5/2: twice differentiable.
+        Matern52 = "matern_5_2",
+    }
+}
+
+words! {
     /// What a calibration fits.
     Approach {
         /// Means (eqs 10 and 11).
@@ -278,6 +288,8 @@ pub struct Metamodel {
     pub jitter: f64,
     /// Noise of `rbm`.
     pub rbm_noise: RbmNoise,
+    /// Kernel of `sk`.
+    pub sk_kernel: Kernel,
 }
 
 /// Calibration.
@@ -488,6 +500,7 @@ pub(super) fn metamodel(values: &Values) -> Metamodel {
         log10_a: (bounds[0], bounds[1]),
         jitter: values.number("metamodel.jitter"),
         rbm_noise: RbmNoise::admitted(values.text("metamodel.rbm_noise")),
+        sk_kernel: Kernel::admitted(values.text("metamodel.sk_kernel")),
     }
 }
 

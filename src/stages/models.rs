@@ -1,7 +1,8 @@
 //! Metamodels between tables: observations out of `samples` and `aggregates`, trained processes out of `hyperparameters`.
 
 use super::{Context, StageError};
-use crate::config::{Config, MetamodelKind, RbmNoise};
+use crate::config::{self, Config, MetamodelKind, RbmNoise};
+use crate::stats::gp::kernel::Kernel;
 use crate::stats::linalg::Jitter;
 use crate::stats::metamodel::{Kind, Metamodel, Noise, Observations, Options, PartRecord, Reading, Role};
 use crate::stats::points::Points;
@@ -95,7 +96,11 @@ fn reading(config: &Config) -> Reading {
         RbmNoise::Cv => Noise::Cv,
         RbmNoise::VarianceOverN => Noise::VarOfMean,
     };
-    Reading { noise, ..Reading::default() }
+    let kernel = match config.metamodel.sk_kernel {
+        config::Kernel::SquaredExponential => Kernel::SquaredExponential,
+        config::Kernel::Matern52 => Kernel::Matern52,
+    };
+    Reading { noise, kernel, ..Reading::default() }
 }
 
 /// The rows that restore a metamodel.

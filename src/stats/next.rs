@@ -2,21 +2,24 @@
 //!
 //! The measure is the integrated mean squared prediction error of stochastic kriging over the unit cube, and a round is
 //! chosen greedily, one candidate after the other (Binois, Huang, Gramacy & Ludkovski 2019, *Replication or exploration?
-//! Sequential design for stochastic simulation experiments*, Technometrics 61:7–23; the integrals are theirs, section 3).
+//! Sequential design for stochastic simulation experiments*, Technometrics 61:7–23, section 3; their integrals are in closed
+//! form, ours are sums over a Sobol sequence, which serve any kernel).
 //! Takes metamodels of kind `sk` over one design; gives points and repetitions. The share of an estimated constant mean is
 //! left out, and hyperparameters are held. Deliberately knows nothing of KPIs, costs in hours and of files.
 
 use super::design::sobol::{Sobol, TooManyDimensions};
+use super::gp::GaussianProcess;
 use super::linalg::{SpdFactor, dot};
 use super::metamodel::Metamodel;
 use super::points::{Points, squared_distance};
-use super::special::normal_cdf;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
-use std::f64::consts::{PI, SQRT_2};
 
 /// New points that are looked at in every step: the first ones of the Sobol sequence.
 const CANDIDATES: usize = 1024;
+
+/// Places whose mean stands for an integral over the unit cube: the first ones of a shifted Sobol sequence.
+const NODES: usize = 4096;
 
 /// Squared distance in the unit cube below which two points are one.
 const SAME: f64 = 1e-16;
@@ -42,12 +45,13 @@ pub struct Suggestion {
 /// The integrated mean squared prediction error of one process, I = σ_f² − tr(K⁻¹W) with W_ij = ∫ k(x_i, x) k(x_j, x) dx
 /// over the unit cube, and what it becomes with more runs. In squared units of the process's targets.
 #[derive(Debug, Clone)]
-pub struct Imspe {
+pub struct Imspe<'a> {
+    process: &'a GaussianProcess,
     points: Points,
-    /// Inverse squared length scales, shape (n_parameters).
-    a: Vec<f64>,
-    /// Process variance σ_f².
-    variance: f64,
+    /// Coordinates of the nodes of integration, one parameter after the other.
+    nodes: Vec<f64>,
+    /// k(x_i, x) at every node, for every point of the design.
+    at_nodes: Vec<Vec<f64>>,
     /// Variance of one run at every point, and the number of runs there.
     run_variance: Vec<f64>,
     runs: Vec<f64>,
@@ -59,72 +63,62 @@ pub struct Imspe {
     middle: Vec<f64>,
 }
 
-impl Imspe {
+/// ∫ f g from the values at the nodes.
+fn integral(f: &[f64], g: &[f64]) -> f64 {
+    dot(f, g) / NODES as f64
+}
+
+impl<'a> Imspe<'a> {
     /// The error of the process of the mean of `model`, whose training points have `runs` runs each.
     ///
     /// None where the model has no standard deviation between runs, or the covariance cannot be factorised.
     ///
+    /// # Errors
+    /// [`TooManyDimensions`] for more parameters than the Sobol sequence offers.
+    ///
     /// # Panics
     /// If there is not one count per training point.
-    pub fn new(model: &Metamodel, runs: &[usize]) -> Option<Self> {
-        let part = *model.parts().first()?;
+    pub fn new(model: &'a Metamodel, runs: &[usize]) -> Result<Option<Self>, TooManyDimensions> {
+        let nodes = Sobol::shifted(model.dimension(), 1)?.take(NODES).columns();
+        let Some(part) = model.parts().first().copied() else { return Ok(None) };
         let (process, record) = (part.process(), part.record());
         let points = process.training().points.clone();
         assert_eq!(points.len(), runs.len(), "one count per training point");
         let run_variance: Option<Vec<f64>> = points.rows().map(|x| run_variance(model, x)).collect();
-        let n = points.len();
+        let Some(run_variance) = run_variance else { return Ok(None) };
+        let at_nodes: Vec<Vec<f64>> = points.rows().map(|x| process.covariances_with(&nodes, x)).collect();
         let mut imspe = Self {
-            a: process.hyperparameters().inverse_squared_lengths(),
-            variance: process.hyperparameters().variance,
-            run_variance: run_variance?,
+            integrals: DMatrix::from_fn(points.len(), points.len(), |i, j| integral(&at_nodes[i], &at_nodes[j])),
+            at_nodes,
+            nodes,
+            process,
+            run_variance,
             runs: runs.iter().map(|&runs| runs as f64).collect(),
             jitter: record.jitter,
             inverse: Vec::new(),
-            integrals: DMatrix::zeros(n, n),
             middle: Vec::new(),
             points,
         };
-        for i in 0..n {
-            for j in 0..=i {
-                let value = imspe.integral(imspe.points.row(i), imspe.points.row(j));
-                imspe.integrals[(i, j)] = value;
-                imspe.integrals[(j, i)] = value;
-            }
-        }
-        imspe.update().then_some(imspe)
+        Ok(imspe.update().then_some(imspe))
+    }
+
+    /// σ_f².
+    fn variance(&self) -> f64 {
+        self.process.hyperparameters().variance
     }
 
     /// I.
     pub fn value(&self) -> f64 {
-        self.variance - dot(&self.inverse, self.integrals.as_slice())
-    }
-
-    /// k(x, x').
-    fn covariance(&self, x: &[f64], other: &[f64]) -> f64 {
-        let exponent: f64 = (0..x.len()).map(|d| self.a[d] * (x[d] - other[d]) * (x[d] - other[d])).sum();
-        self.variance * libm::exp(-0.5 * exponent)
-    }
-
-    /// ∫ k(u, x) k(v, x) dx = σ_f⁴ Π_d exp(−a(u − v)²/4) √(π/a)/2 [erf(√a(1 − m)) + erf(√a m)], m = (u + v)/2.
-    fn integral(&self, u: &[f64], v: &[f64]) -> f64 {
-        let one = |d: usize| {
-            let (root, middle, apart) = (self.a[d].sqrt(), 0.5 * (u[d] + v[d]), u[d] - v[d]);
-            // erf(z) = 2Φ(√2 z) − 1.
-            let erf = |z: f64| 2.0 * normal_cdf(SQRT_2 * z) - 1.0;
-            let length = 0.5 * PI.sqrt() / root * (erf(root * (1.0 - middle)) + erf(root * middle));
-            libm::exp(-0.25 * self.a[d] * apart * apart) * length
-        };
-        (0..u.len()).map(one).product::<f64>() * self.variance * self.variance
+        self.variance() - dot(&self.inverse, self.integrals.as_slice())
     }
 
     /// Recomputes K⁻¹ and K⁻¹WK⁻¹; false where K cannot be factorised.
     fn update(&mut self) -> bool {
         let n = self.points.len();
         let noise = |i: usize| self.run_variance[i] / self.runs[i] + self.jitter;
-        let entry = |i: usize, j: usize| {
-            let diagonal = if i == j { noise(i) } else { 0.0 };
-            self.covariance(self.points.row(i), self.points.row(j)) + diagonal
-        };
+        let columns = self.points.columns();
+        let rows: Vec<Vec<f64>> = self.points.rows().map(|x| self.process.covariances_with(&columns, x)).collect();
+        let entry = |i: usize, j: usize| rows[i][j] + if i == j { noise(i) } else { 0.0 };
         let Ok(factor) = SpdFactor::new(DMatrix::from_fn(n, n, entry)) else { return false };
         let inverse = factor.inverse();
         let middle = &inverse * &self.integrals * &inverse;
@@ -137,8 +131,9 @@ impl Imspe {
     /// ∫ c(x', x)² dx'/(c(x, x) + v/runs) with the covariance c of the process given its data.
     pub fn gain_of_point(&self, x: &[f64], run_variance: f64, runs: f64) -> f64 {
         let n = self.points.len();
-        let k: Vec<f64> = self.points.rows().map(|point| self.covariance(x, point)).collect();
-        let w: Vec<f64> = self.points.rows().map(|point| self.integral(x, point)).collect();
+        let k = self.process.covariances_with(&self.points.columns(), x);
+        let own = self.process.covariances_with(&self.nodes, x);
+        let w: Vec<f64> = self.at_nodes.iter().map(|other| integral(&own, other)).collect();
         let column = |matrix: &[f64], j: usize| dot(&matrix[j * n..(j + 1) * n], &k);
         let (mut explained, mut quadratic, mut mixed) = (0.0, 0.0, 0.0);
         for j in 0..n {
@@ -147,8 +142,8 @@ impl Imspe {
             mixed += w[j] * solved;
             quadratic += k[j] * column(&self.middle, j);
         }
-        let squares = self.integral(x, x) - 2.0 * mixed + quadratic;
-        let known = (self.variance - explained).max(0.0) + run_variance / runs + self.jitter;
+        let squares = integral(&own, &own) - 2.0 * mixed + quadratic;
+        let known = (self.variance() - explained).max(0.0) + run_variance / runs + self.jitter;
         squares.max(0.0) / known
     }
 
@@ -171,15 +166,9 @@ impl Imspe {
 
     /// The same design with a new point.
     fn explore(&mut self, x: &[f64], run_variance: f64, runs: f64) -> bool {
-        let column: Vec<f64> = self.points.rows().map(|point| self.integral(x, point)).collect();
-        let n = self.points.len();
-        let own = self.integral(x, x);
-        self.integrals = DMatrix::from_fn(n + 1, n + 1, |i, j| match (i == n, j == n) {
-            (true, true) => own,
-            (true, false) => column[j],
-            (false, true) => column[i],
-            (false, false) => self.integrals[(i, j)],
-        });
+        self.at_nodes.push(self.process.covariances_with(&self.nodes, x));
+        let n = self.at_nodes.len();
+        self.integrals = DMatrix::from_fn(n, n, |i, j| integral(&self.at_nodes[i], &self.at_nodes[j]));
         self.points.push(x);
         self.run_variance.push(run_variance);
         self.runs.push(runs);
@@ -209,8 +198,10 @@ pub fn suggest(
     wished: usize,
     runs: usize,
 ) -> Result<Vec<Suggestion>, TooManyDimensions> {
-    let mut errors: Vec<(&Metamodel, Imspe)> =
-        models.iter().filter_map(|(model, counts)| Some((*model, Imspe::new(model, counts)?))).collect();
+    let mut errors: Vec<(&Metamodel, Imspe)> = Vec::new();
+    for (model, counts) in models {
+        errors.extend(Imspe::new(model, counts)?.map(|imspe| (*model, imspe)));
+    }
     let Some(dimension) = errors.first().map(|(model, _)| model.dimension()) else { return Ok(Vec::new()) };
     let candidates = Sobol::new(dimension)?.take(CANDIDATES);
     let design = errors[0].1.points.len();
@@ -332,16 +323,16 @@ mod tests {
     fn the_error_is_the_integral_of_the_variance() {
         let lab = lab(1);
         let model = lab.model();
-        let imspe = Imspe::new(&model, &lab.observations().counts).unwrap();
+        let imspe = Imspe::new(&model, &lab.observations().counts).unwrap().unwrap();
         let process = model.parts()[0].process();
         // Midpoint rule on 60 × 60; the constant mean's share, which the integral leaves out, is taken off.
         let n = lab.points.len();
         let (mut sum, cells) = (0.0, 60);
         for i in 0..cells * cells {
             let x = [(f64::from(i / cells) + 0.5) / f64::from(cells), (f64::from(i % cells) + 0.5) / f64::from(cells)];
-            let k: Vec<f64> = process.training().points.rows().map(|point| imspe.covariance(&x, point)).collect();
+            let k = process.covariances_with(&lab.points.columns(), &x);
             let explained: f64 = (0..n).map(|j| k[j] * dot(&imspe.inverse[j * n..(j + 1) * n], &k)).sum();
-            sum += (imspe.variance - explained) / f64::from(cells * cells);
+            sum += (imspe.variance() - explained) / f64::from(cells * cells);
         }
         assert!((sum / imspe.value() - 1.0).abs() < 1e-3, "{sum} against {}", imspe.value());
     }
@@ -350,7 +341,7 @@ mod tests {
     fn gains_are_what_the_error_falls_by() {
         let lab = lab(2);
         let model = lab.model();
-        let before = Imspe::new(&model, &lab.observations().counts).unwrap();
+        let before = Imspe::new(&model, &lab.observations().counts).unwrap().unwrap();
         for i in [0, 7] {
             let mut after = before.clone();
             assert!(after.replicate(i, 3.0));

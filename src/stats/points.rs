@@ -72,6 +72,11 @@ impl Points {
         self.dimension
     }
 
+    /// The coordinates of all points, one parameter after the other.
+    pub fn columns(&self) -> Vec<f64> {
+        (0..self.dimension).flat_map(|d| self.rows().map(move |row| row[d])).collect()
+    }
+
     /// Coordinates of point `index`.
     ///
     /// # Panics

@@ -1,8 +1,9 @@
 //! Gaussian processes, metamodels and calibration against numbers from other people's libraries (origin:
 //! tests/data/README.md). Values marked mp60 were computed there with 60 digits.
 
+use granulake::stats::gp::kernel::Kernel;
 use granulake::stats::gp::likelihood::{Likelihood, LikelihoodSearch, Variance, maximise_likelihood};
-use granulake::stats::gp::{GaussianProcess, Hyperparameters, TrainingSet, Trend, log_likelihood_of_runs};
+use granulake::stats::gp::{Form, GaussianProcess, Hyperparameters, TrainingSet, Trend, log_likelihood_of_runs};
 use granulake::stats::metamodel::{Kind, Metamodel, Noise, Observations, Options, PartRecord, Reading, Role, Scatter};
 use granulake::stats::objective::{CalibrationObjective, Mode, Problem, Target, calibrate};
 use granulake::stats::optimise::{Objective, Starts};
@@ -53,11 +54,11 @@ fn check_case(what: &str, training: TrainingSet, case: &Value, test: &Points, co
     // 50 n eps cond(K), never below 1e-9; predictions and gradients have a floor of their own.
     let limit = (50.0 * training.targets.len() as f64 * 2.2e-16 * condition).max(1e-9);
     let hyper = unit_process(&case["log10_a"]);
-    let (value, gradient) = Likelihood::new(&training, Trend::Zero).value_and_gradient(&hyper);
+    let (value, gradient) = Likelihood::new(&training, Form::PAPER).value_and_gradient(&hyper);
     agree(what, value, number(&case["lml_mp60"]), limit, 0.0);
     let theirs = numbers(&case["grad_lml_log10a_sklearn"]);
     agree_all(&format!("{what} gradient"), &gradient[..3], &theirs, (10.0 * limit).max(1e-6), 0.0);
-    let process = GaussianProcess::new(training, hyper, Trend::Zero).unwrap();
+    let process = GaussianProcess::new(training, hyper, Form::PAPER).unwrap();
     let latent: Vec<_> = test.rows().map(|x| process.predict(x)).collect();
     let means: Vec<f64> = latent.iter().map(|l| l.mean).collect();
     let variances: Vec<f64> = latent.iter().map(|l| l.variance).collect();
@@ -75,6 +76,30 @@ fn interpolating_process_agrees_with_60_digits() {
         let training = TrainingSet { points: x.clone(), targets: y.clone(), noise };
         let what = format!("ibm {} {}", case["jitter"], case["log10_a"]);
         check_case(&what, training, case, &test, number(&case["cond_K"]), ["mean_mp60", "latent_var_mp60"]);
+    }
+}
+
+#[test]
+fn a_rough_process_agrees_with_scikit_learn() {
+    let oracle = data("gp_matern.json");
+    let test = points(&oracle["X_test"]);
+    let form = Form { trend: Trend::Zero, kernel: Kernel::Matern52 };
+    for case in list(&oracle["cases"]) {
+        let training = TrainingSet {
+            points: points(&oracle["X"]),
+            targets: numbers(&oracle["y"]),
+            noise: numbers(&oracle["noise"]),
+        };
+        let hyper = Hyperparameters { log10_a: numbers(&case["log10_a"]), variance: number(&case["variance"]) };
+        let (value, gradient) = Likelihood::new(&training, form).value_and_gradient(&hyper);
+        agree("likelihood", value, number(&case["lml"]), 1e-9, 0.0);
+        agree_all("gradient", &gradient, &numbers(&case["grad_lml"]), 1e-7, 1e-9);
+        let process = GaussianProcess::new(training, hyper, form).unwrap();
+        let latent: Vec<_> = test.rows().map(|x| process.predict(x)).collect();
+        let means: Vec<f64> = latent.iter().map(|l| l.mean).collect();
+        let variances: Vec<f64> = latent.iter().map(|l| l.variance).collect();
+        agree_all("mean", &means, &numbers(&case["mean"]), 1e-8, 1e-10);
+        agree_all("variance", &variances, &numbers(&case["latent_var"]), 1e-6, 1e-11);
     }
 }
 
@@ -99,7 +124,7 @@ fn regression_process_agrees_with_60_digits_and_leave_one_out_with_refits() {
         let training = rbm_training(&oracle, reading);
         let what = format!("rbm {reading} {}", case["log10_a"]);
         check_case(&what, training.clone(), case, &test, 0.0, ["mean_mp60", "latent_var_mp60"]);
-        let process = GaussianProcess::new(training, unit_process(&case["log10_a"]), Trend::Zero).unwrap();
+        let process = GaussianProcess::new(training, unit_process(&case["log10_a"]), Form::PAPER).unwrap();
         let (means, variances): (Vec<f64>, Vec<f64>) = process.leave_one_out().into_iter().take(8).unzip();
         agree_all(&what, &means, &numbers(&case["loo_mean_first8"]), 1e-8, 0.0);
         agree_all(&what, &variances, &numbers(&case["loo_latent_var_first8"]), 1e-6, 0.0);
@@ -130,14 +155,19 @@ fn reference_searches() -> Vec<(String, TrainingSet, f64, Vec<f64>)> {
 #[test]
 fn few_refined_starts_reach_the_optimum_of_a_hundred_descents() {
     for (what, training, best, log10_a) in reference_searches() {
-        let few = maximise_likelihood(training.clone(), Trend::Zero, &paper_search(1, 4)).unwrap();
-        let all = maximise_likelihood(training, Trend::Zero, &paper_search(2, 100)).unwrap();
+        let few = maximise_likelihood(training.clone(), Form::PAPER, &paper_search(1, 4)).unwrap();
+        let all = maximise_likelihood(training, Form::PAPER, &paper_search(2, 100)).unwrap();
         let ours = few.process.log_likelihood();
         // Optima may be better than the reference, never worse; 1e-6 is where a change of ln p has no meaning.
         assert!(ours >= best - 1e-6, "{what}: {ours} against {best}");
         assert!((ours - all.process.log_likelihood()).abs() < 1e-6, "{what}: few and all descents differ");
         agree_all(&what, &few.process.hyperparameters().log10_a, &log10_a, 0.0, 1e-3);
     }
+}
+
+/// hetGP's kernel, here and in the oracle.
+fn squared_exponential(trend: Trend) -> Form {
+    Form { trend, kernel: Kernel::SquaredExponential }
 }
 
 /// hetGP's theta is 2/a.
@@ -175,7 +205,7 @@ fn all_runs(
     let variances: Vec<f64> = lambda.iter().map(|value| nu * value).collect();
     let noise = variances.iter().zip(&runs.counts).map(|(v, &n)| v / n as f64 + nu * eps).collect();
     let training = TrainingSet { points: runs.points.clone(), targets: runs.means.clone(), noise };
-    let process = GaussianProcess::new(training, from_theta(theta, nu), trend).unwrap();
+    let process = GaussianProcess::new(training, from_theta(theta, nu), squared_exponential(trend)).unwrap();
     let value = log_likelihood_of_runs(process.log_likelihood(), &variances, &runs.squares, &runs.counts);
     (value, process)
 }
@@ -222,7 +252,7 @@ fn profile_likelihoods_of_equal_and_of_smoothed_variances_agree_with_hetgp() {
         let noise = runs.counts.iter().map(|&n| eps + g / n as f64).collect();
         let training = TrainingSet { points: runs.points.clone(), targets: numbers(&case["Delta"]), noise };
         let hyper = from_theta(&numbers(&case["theta_g"]), 1.0);
-        let smooth = GaussianProcess::new(training, hyper, Trend::Constant).unwrap();
+        let smooth = GaussianProcess::new(training, hyper, squared_exponential(Trend::Constant)).unwrap();
         let lambda: Vec<f64> = runs.points.rows().map(|x| smooth.mean(x).exp()).collect();
         let ours = profile(&runs, &numbers(&case["theta"]), &lambda, eps, Trend::Constant);
         agree("smoothed variances", ours, number(&case["loglik"]), 1e-8, 0.0);

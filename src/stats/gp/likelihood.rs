@@ -4,8 +4,7 @@
 //! also an inverse. Where β is estimated the likelihood is that at β̂; its gradient needs no extra term, because the
 //! derivative with respect to β vanishes there.
 
-use super::{Conditioned, GaussianProcess, Hyperparameters, TrainingSet, Trend};
-use crate::stats::kernels::exp_in_place;
+use super::{Conditioned, Form, GaussianProcess, Hyperparameters, TrainingSet, Trend};
 use crate::stats::linalg::{LinalgError, SpdFactor, dot};
 use crate::stats::optimise::{Bounds, Objective, Search, Starts, Stopping, multi_start};
 use nalgebra::DMatrix;
@@ -39,7 +38,7 @@ pub struct LikelihoodSearch {
 /// The likelihood of one training set, ready for many evaluations.
 pub struct Likelihood<'a> {
     training: &'a TrainingSet,
-    trend: Trend,
+    form: Form,
     /// Per parameter the squared differences of all pairs i > j, column after column.
     squares: Vec<Vec<f64>>,
 }
@@ -49,7 +48,7 @@ impl<'a> Likelihood<'a> {
     ///
     /// # Panics
     /// If points, targets and noise disagree in number.
-    pub fn new(training: &'a TrainingSet, trend: Trend) -> Self {
+    pub fn new(training: &'a TrainingSet, form: Form) -> Self {
         let (points, n) = (&training.points, training.points.len());
         assert!(n == training.targets.len() && n == training.noise.len(), "one target and noise per point");
         let square = |d: usize, i: usize, j: usize| {
@@ -58,11 +57,11 @@ impl<'a> Likelihood<'a> {
         };
         let pairs = || (0..n).flat_map(|j| (j + 1..n).map(move |i| (i, j)));
         let of_parameter = |d: usize| pairs().map(|(i, j)| square(d, i, j)).collect();
-        Self { training, trend, squares: (0..points.dimension()).map(of_parameter).collect() }
+        Self { training, form, squares: (0..points.dimension()).map(of_parameter).collect() }
     }
 
-    /// k(x_i, x_j) of all pairs i > j, column after column.
-    fn correlations(&self, hyper: &Hyperparameters) -> Vec<f64> {
+    /// −½ Σ_d a_d (Δ_d)² of all pairs i > j, column after column.
+    fn exponents(&self, hyper: &Hyperparameters) -> Vec<f64> {
         let n = self.training.targets.len();
         let mut exponents = vec![0.0; n * n.saturating_sub(1) / 2];
         for (a, squares) in hyper.inverse_squared_lengths().into_iter().zip(&self.squares) {
@@ -70,8 +69,14 @@ impl<'a> Likelihood<'a> {
                 *exponent -= 0.5 * a * square;
             }
         }
-        exp_in_place(&mut exponents);
         exponents
+    }
+
+    /// k(x_i, x_j) of all pairs i > j, column after column.
+    fn correlations(&self, hyper: &Hyperparameters) -> Vec<f64> {
+        let mut correlations = self.exponents(hyper);
+        self.form.kernel.correlate(&mut correlations);
+        correlations
     }
 
     /// K = σ_f² C + diag(v), lower triangle.
@@ -98,7 +103,7 @@ impl<'a> Likelihood<'a> {
         let n = self.training.targets.len();
         let mut residual = factor.half_solve(&self.training.targets);
         let (mut beta, mut weights) = (0.0, Vec::new());
-        if self.trend == Trend::Constant {
+        if self.form.trend == Trend::Constant {
             let ones = factor.half_solve(&vec![1.0; n]);
             beta = dot(&ones, &residual) / dot(&ones, &ones);
             residual.iter_mut().zip(&ones).for_each(|(value, one)| *value -= beta * one);
@@ -116,9 +121,13 @@ impl<'a> Likelihood<'a> {
 
     /// ln p(y | X) and its derivatives with respect to log10 a_1 … log10 a_p, log10 σ_f².
     ///
-    /// ∂/∂t = ½ tr((ααᵀ − K⁻¹) ∂K/∂t), ∂K/∂log10 a_d = −½ ln10 a_d (Δ_d)² σ_f² C, ∂K/∂log10 σ_f² = ln10 σ_f² C.
+    /// ∂/∂t = ½ tr((ααᵀ − K⁻¹) ∂K/∂t), ∂K/∂log10 a_d = −½ ln10 a_d (Δ_d)² σ_f² H, ∂K/∂log10 σ_f² = ln10 σ_f² C, where
+    /// H = −2 dC/ds is C itself for the squared exponential.
     pub fn value_and_gradient(&self, hyper: &Hyperparameters) -> (f64, Vec<f64>) {
-        let mut correlations = self.correlations(hyper);
+        let kernel = self.form.kernel;
+        let mut correlations = self.exponents(hyper);
+        let mut slopes: Vec<f64> = correlations.iter().map(|&exponent| kernel.steepness(exponent)).collect();
+        kernel.correlate(&mut correlations);
         let Ok(fit) = self.condition_with(&correlations, hyper.variance) else {
             return (f64::NEG_INFINITY, vec![0.0; hyper.log10_a.len() + 1]);
         };
@@ -126,9 +135,10 @@ impl<'a> Likelihood<'a> {
         let diagonal = fit.alpha.iter().enumerate().map(|(i, alpha)| alpha * alpha - inverse[(i, i)]);
         let diagonal: f64 = diagonal.sum();
         weigh(&mut correlations, &fit.alpha, inverse.as_slice());
+        slopes.iter_mut().zip(&correlations).for_each(|(slope, weighed)| *slope *= weighed);
         let lengths = hyper.inverse_squared_lengths().into_iter().zip(&self.squares);
         let mut gradient: Vec<f64> =
-            lengths.map(|(a, squares)| -0.5 * LN_10 * a * hyper.variance * dot(&correlations, squares)).collect();
+            lengths.map(|(a, squares)| -0.5 * LN_10 * a * hyper.variance * dot(&slopes, squares)).collect();
         let pairs: f64 = correlations.iter().sum();
         gradient.push(LN_10 * hyper.variance * (pairs + 0.5 * diagonal));
         (fit.log_likelihood, gradient)
@@ -200,7 +210,7 @@ const STOPPING: Stopping = Stopping { gradient: 1e-5, decrease: 10.0 * f64::EPSI
 /// [`LinalgError`] where the covariance could not be factorised anywhere it was tried.
 pub fn maximise_likelihood(
     training: TrainingSet,
-    trend: Trend,
+    form: Form,
     plan: &LikelihoodSearch,
 ) -> Result<MostLikely, LinalgError> {
     let (p, size) = (training.points.dimension(), training.targets.len());
@@ -209,11 +219,11 @@ pub fn maximise_likelihood(
         bounds.0.push(lower);
         bounds.1.push(upper);
     }
-    let objective = NegativeLogLikelihood { likelihood: Likelihood::new(&training, trend), variance: plan.variance };
+    let objective = NegativeLogLikelihood { likelihood: Likelihood::new(&training, form), variance: plan.variance };
     let search = multi_start(&objective, &Bounds::new(bounds.0, bounds.1), &plan.starts, &STOPPING);
     if !search.best.value.is_finite() {
         return Err(LinalgError::NotPositiveDefinite { size, jitter: 0.0 });
     }
     let hyper = objective.hyperparameters(&search.best.x);
-    Ok(MostLikely { process: GaussianProcess::new(training, hyper, trend)?, search })
+    Ok(MostLikely { process: GaussianProcess::new(training, hyper, form)?, search })
 }

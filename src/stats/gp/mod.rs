@@ -1,16 +1,19 @@
-//! Gaussian process regression with a squared exponential kernel and known noise at every point.
+//! Gaussian process regression with known noise at every point.
 //!
-//! Model: y_i = β + f(x_i) + ε_i, f ~ GP(0, σ_f² exp(−½ Σ_d a_d (x_d − x'_d)²)), ε_i ~ N(0, v_i) independent
-//! (Fransen et al. 2022, eqs 4–9, where β = 0 and σ_f = 1; Rasmussen & Williams 2006, chapters 2 and 5; Ankenman,
-//! Nelson & Staum 2010 for the case v_i = variance / repetitions). Points live in the unit cube.
+//! Model: y_i = β + f(x_i) + ε_i, f ~ GP(0, σ_f² k(Σ_d a_d (x_d − x'_d)²)) with one of the correlation functions k of
+//! [`kernel`], ε_i ~ N(0, v_i) independent (Fransen et al. 2022, eqs 4–9, where k is the squared exponential, β = 0 and
+//! σ_f = 1; Rasmussen & Williams 2006, chapters 2 and 5; Ankenman, Nelson & Staum 2010 for the case v_i =
+//! variance / repetitions). Points live in the unit cube.
 //! Takes points, targets and noise variances; gives predictions with gradients, leave-one-out values and, in
 //! [`likelihood`], the most likely hyperparameters. Deliberately knows nothing of KPIs and of how noise comes about.
 
+pub mod kernel;
 pub mod likelihood;
 
-use super::kernels::{exp_in_place, squared_distances, weighted_differences};
+use super::kernels::{squared_distances, weighted_differences};
 use super::linalg::{LinalgError, SpdFactor, dot};
 use super::points::Points;
+use kernel::Kernel;
 
 /// What a Gaussian process is trained on.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +33,20 @@ pub enum Trend {
     Zero,
     /// β constant and estimated by generalised least squares (ordinary kriging).
     Constant,
+}
+
+/// What is assumed of a process before it sees data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Form {
+    /// Mean function.
+    pub trend: Trend,
+    /// Correlation function.
+    pub kernel: Kernel,
+}
+
+impl Form {
+    /// The paper's: zero mean, squared exponential.
+    pub const PAPER: Self = Self { trend: Trend::Zero, kernel: Kernel::SquaredExponential };
 }
 
 /// What likelihood maximisation chooses.
@@ -56,7 +73,7 @@ pub struct GaussianProcess {
     columns: Vec<f64>,
     hyper: Hyperparameters,
     a: Vec<f64>,
-    trend: Trend,
+    form: Form,
     fit: Conditioned,
 }
 
@@ -94,13 +111,11 @@ impl GaussianProcess {
     ///
     /// # Panics
     /// If points, targets, noise and hyperparameters disagree in number.
-    pub fn new(training: TrainingSet, hyper: Hyperparameters, trend: Trend) -> Result<Self, LinalgError> {
+    pub fn new(training: TrainingSet, hyper: Hyperparameters, form: Form) -> Result<Self, LinalgError> {
         assert_eq!(hyper.log10_a.len(), training.points.dimension(), "one length scale per parameter");
-        let likelihood = likelihood::Likelihood::new(&training, trend);
+        let likelihood = likelihood::Likelihood::new(&training, form);
         let fit = likelihood.condition(&hyper)?;
-        let points = &training.points;
-        let columns = (0..points.dimension()).flat_map(|d| points.rows().map(move |row| row[d])).collect();
-        Ok(Self { columns, training, a: hyper.inverse_squared_lengths(), hyper, trend, fit })
+        Ok(Self { columns: training.points.columns(), training, a: hyper.inverse_squared_lengths(), hyper, form, fit })
     }
 
     /// Data the process was conditioned on.
@@ -113,9 +128,9 @@ impl GaussianProcess {
         &self.hyper
     }
 
-    /// Mean function in use.
-    pub fn trend(&self) -> Trend {
-        self.trend
+    /// Mean and correlation function in use.
+    pub fn form(&self) -> Form {
+        self.form
     }
 
     /// β̂, in units of the targets.
@@ -128,17 +143,35 @@ impl GaussianProcess {
         self.fit.log_likelihood
     }
 
-    /// σ_f² k(x, x_j) for every training point.
-    fn covariances(&self, x: &[f64]) -> Vec<f64> {
-        let mut covariances = squared_distances(&self.columns, x, &self.a);
-        exp_in_place(&mut covariances);
-        covariances.iter_mut().for_each(|value| *value *= self.hyper.variance);
-        covariances
+    /// σ_f² k(x, p_j) of points p_j whose coordinates stand one parameter after the other.
+    pub fn covariances_with(&self, columns: &[f64], x: &[f64]) -> Vec<f64> {
+        self.covariances_at(squared_distances(columns, x, &self.a))
     }
 
-    /// Σ_j weights_j ∂k(x, x_j)/∂x_d for every d, with ∂k_j/∂x_d = −a_d (x_d − x_jd) k_j.
-    fn slopes(&self, x: &[f64], k: &[f64], weights: &[f64]) -> Vec<f64> {
-        let weighted: Vec<f64> = weights.iter().zip(k).map(|(weight, k)| weight * k).collect();
+    /// σ_f² k(s) from exponents −½s.
+    fn covariances_at(&self, mut exponents: Vec<f64>) -> Vec<f64> {
+        self.form.kernel.correlate(&mut exponents);
+        exponents.iter_mut().for_each(|value| *value *= self.hyper.variance);
+        exponents
+    }
+
+    /// σ_f² k(x, x_j) for every training point.
+    fn covariances(&self, x: &[f64]) -> Vec<f64> {
+        self.covariances_with(&self.columns, x)
+    }
+
+    /// The same and h = −2 σ_f² dk/ds, of which slopes are made.
+    fn covariances_and_slopes(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let exponents = squared_distances(&self.columns, x, &self.a);
+        let steepness: Vec<f64> = exponents.iter().map(|&exponent| self.form.kernel.steepness(exponent)).collect();
+        let covariances = self.covariances_at(exponents);
+        let slopes = covariances.iter().zip(steepness).map(|(value, steepness)| value * steepness).collect();
+        (covariances, slopes)
+    }
+
+    /// Σ_j weights_j ∂k(x, x_j)/∂x_d for every d, with ∂k_j/∂x_d = −a_d (x_d − x_jd) h_j.
+    fn slopes(&self, x: &[f64], h: &[f64], weights: &[f64]) -> Vec<f64> {
+        let weighted: Vec<f64> = weights.iter().zip(h).map(|(weight, h)| weight * h).collect();
         let sums = weighted_differences(&self.columns, x, &weighted);
         sums.iter().zip(&self.a).map(|(sum, a)| -a * sum).collect()
     }
@@ -150,47 +183,48 @@ impl GaussianProcess {
 
     /// E f(x) and its gradient, eq. 8: also a small part of the work of [`GaussianProcess::predict`].
     pub fn mean_with_gradient(&self, x: &[f64]) -> (f64, Vec<f64>) {
-        let k = self.covariances(x);
-        (self.fit.beta + dot(&k, &self.fit.alpha), self.slopes(x, &k, &self.fit.alpha))
+        let (k, h) = self.covariances_and_slopes(x);
+        (self.fit.beta + dot(&k, &self.fit.alpha), self.slopes(x, &h, &self.fit.alpha))
     }
 
     /// Mean and variance of the latent f at `x`, with their gradients.
     pub fn predict(&self, x: &[f64]) -> Latent {
-        let k = self.covariances(x);
+        let (k, h) = self.covariances_and_slopes(x);
         let half = self.fit.factor.half_solve(&k);
         let solved = self.fit.factor.transposed_half_solve(&half);
         let (gap, information) = self.trend_gap(&k);
-        let of_solved = self.slopes(x, &k, &solved);
-        let of_trend = if information > 0.0 { self.slopes(x, &k, &self.fit.weights) } else { vec![0.0; x.len()] };
+        let of_solved = self.slopes(x, &h, &solved);
+        let of_trend = if information > 0.0 { self.slopes(x, &h, &self.fit.weights) } else { vec![0.0; x.len()] };
         let trend = |slope: f64| if information > 0.0 { gap * slope / information } else { 0.0 };
         let trend_variance = if information > 0.0 { gap * gap / information } else { 0.0 };
         Latent {
             mean: self.fit.beta + dot(&k, &self.fit.alpha),
             variance: (self.hyper.variance - dot(&half, &half) + trend_variance).max(0.0),
-            mean_gradient: self.slopes(x, &k, &self.fit.alpha),
+            mean_gradient: self.slopes(x, &h, &self.fit.alpha),
             variance_gradient: of_solved.iter().zip(of_trend).map(|(s, t)| -2.0 * (s + trend(t))).collect(),
         }
     }
 
-    /// Var ∂f/∂x_d, shape (n_parameters): a_d σ_f² − (∂k/∂x_d)ᵀK⁻¹(∂k/∂x_d), with the share of an estimated β (the
+    /// Var ∂f/∂x_d, shape (n_parameters): h(0) a_d σ_f² − (∂k/∂x_d)ᵀK⁻¹(∂k/∂x_d), with the share of an estimated β (the
     /// derivative of a Gaussian process is one: Rasmussen & Williams 2006, section 9.4).
     pub fn gradient_variance(&self, x: &[f64]) -> Vec<f64> {
-        let k = self.covariances(x);
+        let (k, h) = self.covariances_and_slopes(x);
         let (_, information) = self.trend_gap(&k);
+        let prior = self.form.kernel.steepness(0.0) * self.hyper.variance;
         let one = |d: usize| {
-            let slope = |(j, k): (usize, &f64)| -self.a[d] * (x[d] - self.training.points.row(j)[d]) * k;
-            let slopes: Vec<f64> = k.iter().enumerate().map(slope).collect();
+            let slope = |(j, h): (usize, &f64)| -self.a[d] * (x[d] - self.training.points.row(j)[d]) * h;
+            let slopes: Vec<f64> = h.iter().enumerate().map(slope).collect();
             let half = self.fit.factor.half_solve(&slopes);
             let gap = if information > 0.0 { dot(&self.fit.weights, &slopes) } else { 0.0 };
             let trend = if information > 0.0 { gap * gap / information } else { 0.0 };
-            (self.a[d] * self.hyper.variance - dot(&half, &half) + trend).max(0.0)
+            (self.a[d] * prior - dot(&half, &half) + trend).max(0.0)
         };
         (0..x.len()).map(one).collect()
     }
 
     /// u = 1 − 1ᵀK⁻¹k and 1ᵀK⁻¹1, whose u²/(1ᵀK⁻¹1) is the variance that an estimated β adds; (0, 0) without one.
     fn trend_gap(&self, k: &[f64]) -> (f64, f64) {
-        match self.trend {
+        match self.form.trend {
             Trend::Zero => (0.0, 0.0),
             Trend::Constant => (1.0 - dot(&self.fit.weights, k), self.fit.weights.iter().sum()),
         }

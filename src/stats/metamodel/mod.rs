@@ -21,6 +21,7 @@ mod sk;
 
 pub use part::{Part, PartRecord, Role};
 
+use super::gp::kernel::Kernel;
 use super::gp::log_likelihood_of_runs;
 use super::linalg::{Jitter, LinalgError};
 use super::naming::named;
@@ -155,7 +156,7 @@ pub enum MetamodelError {
     Linalg(#[from] LinalgError),
 }
 
-/// How observations become the training sets of the processes.
+/// How observations become the processes: what neither they nor the hyperparameters tell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Noise of kind `rbm`.
@@ -165,12 +166,14 @@ pub struct Reading {
     /// Kind `sk`: smallest variance that enters a logarithm, as a share of the mean variance over the design. Guards
     /// against runs that agree exactly (a count, a mass that is always zero).
     pub variance_floor: f64,
+    /// Kernel of kind `sk`; the others have the paper's.
+    pub kernel: Kernel,
 }
 
 impl Default for Reading {
-    /// `cv_squared`, `cv`, and a floor of 10⁻⁴: one percent of the typical standard deviation.
+    /// `cv_squared`, `cv`, a floor of 10⁻⁴ (one percent of the typical standard deviation), and the paper's kernel.
     fn default() -> Self {
-        Self { noise: Noise::CvSquared, scatter: Scatter::Cv, variance_floor: 1e-4 }
+        Self { noise: Noise::CvSquared, scatter: Scatter::Cv, variance_floor: 1e-4, kernel: Kernel::SquaredExponential }
     }
 }
 

@@ -4,7 +4,7 @@
 
 use super::{Differentiable, Kind, MetamodelError, Options, Reading};
 use crate::stats::gp::likelihood::{LikelihoodSearch, Variance, maximise_likelihood};
-use crate::stats::gp::{GaussianProcess, Hyperparameters, TrainingSet, Trend};
+use crate::stats::gp::{Form, GaussianProcess, Hyperparameters, TrainingSet, Trend};
 use crate::stats::linalg::LinalgError;
 use crate::stats::naming::named;
 use crate::stats::optimise::Starts;
@@ -76,9 +76,12 @@ const LOG10_VARIANCE: (f64, f64) = (-3.0, 3.0);
 const AGREEMENT: f64 = 1e-4;
 
 impl Frame {
-    /// The paper's processes have zero mean and σ_f = 1; stochastic kriging estimates both.
-    fn trend(&self) -> Trend {
-        if self.kind == Kind::Sk { Trend::Constant } else { Trend::Zero }
+    /// The paper's form; stochastic kriging estimates mean and σ_f and has a kernel of its own.
+    fn form(&self, reading: &Reading) -> Form {
+        match self.kind {
+            Kind::Sk => Form { trend: Trend::Constant, kernel: reading.kernel },
+            Kind::Ibm | Kind::Rbm => Form::PAPER,
+        }
     }
 
     fn search(&self, options: &Options) -> LikelihoodSearch {
@@ -110,8 +113,8 @@ impl Part {
         options: &Options,
         training: impl Fn(f64) -> TrainingSet,
     ) -> Result<Self, MetamodelError> {
-        let search = frame.search(options);
-        let attempt = |jitter| maximise_likelihood(training(jitter), frame.trend(), &search).map_err(tried(jitter));
+        let (search, form) = (frame.search(options), frame.form(&options.reading));
+        let attempt = |jitter| maximise_likelihood(training(jitter), form, &search).map_err(tried(jitter));
         let (found, jitter) = options.jitter.escalate(attempt)?;
         let hyper = found.process.hyperparameters();
         let record = PartRecord {
@@ -135,7 +138,8 @@ impl Part {
     /// The process that `record` describes, on the same training set.
     pub(super) fn restore(record: &PartRecord, training: TrainingSet) -> Result<Self, MetamodelError> {
         let hyper = Hyperparameters { log10_a: record.log10_a.clone(), variance: record.variance };
-        let process = GaussianProcess::new(training, hyper, record.frame().trend()).map_err(tried(record.jitter))?;
+        let process = GaussianProcess::new(training, hyper, record.frame().form(&record.reading))
+            .map_err(tried(record.jitter))?;
         Ok(Self { process, record: record.clone() })
     }
 
