@@ -325,8 +325,8 @@ const METAMODEL: &[Key] = &[
     key(
         "sk_kernel",
         Kind::Choice(&["squared_exponential", "matern_5_2"]),
-        "\"squared_exponential\"",
-        "kernel of `sk`: the paper's, which `ibm` and `rbm` have, or Matern 5/2, less smooth",
+        "\"matern_5_2\"",
+        "kernel of `sk`: Matern 5/2, or the paper's, which `ibm` and `rbm` have and which takes more for known than is",
     ),
 ];
 
@@ -368,7 +368,7 @@ const DIAGNOSE: &[Key] = &[
         "48",
         "points over parameters and strength at which every effect is simulated; shared by all diagnoses",
     ),
-    key("anchor_repetitions", Kind::Count(2, 100_000), "4", "simulations at every such point"),
+    key("anchor_repetitions", Kind::Count(2, 100_000), "8", "simulations at every such point"),
     key("refine_points", Kind::Count(4, MANY), "48", "points around an optimum, without and with an effect"),
     key(
         "refine_repetitions",

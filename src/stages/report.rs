@@ -28,7 +28,7 @@ pub const SUMMARY: &str = "report/summary.txt";
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "report",
-    version: 6,
+    version: 7,
     purpose: "one HTML file and one Markdown file",
     reads: &[
         &BOUNDS_RUNS,

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "train",
-    version: 2,
+    version: 3,
     purpose: "Gaussian-process metamodels of every KPI, for every kind and number of repetitions",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC],
     writes: &[MetamodelRow::SPEC, HyperparameterRow::SPEC, SensitivityRow::SPEC],

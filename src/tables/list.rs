@@ -762,13 +762,13 @@ table! {
         model: String ["1"],
         /// Parameter or effect.
         name: String ["1"],
-        /// Value.
+        /// Value: without the effect the optimum, with it the mean over all that the data leave open.
         value: f64 ["see unit"],
-        /// Standard error.
+        /// Standard error: with the effect the standard deviation over all that the data leave open.
         standard_error: f64 ["see unit"],
         /// Unit.
         unit: String ["1"],
-        /// The value lies on a bound.
+        /// The optimum lies on a bound.
         at_bound: bool ["1"],
     }
 }

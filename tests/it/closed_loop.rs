@@ -6,7 +6,7 @@
 //! targets, which a coarse set-up may not judge.
 
 use crate::support::{Study, shipped_setup};
-use granulake::tables::{BeforeAfterRow, RecalibrationRow, VerdictRow};
+use granulake::tables::{AttributionRow, BeforeAfterRow, RecalibrationRow, VerdictRow};
 
 const HEAD: &str = r#"
 [study]
@@ -100,12 +100,15 @@ fn hidden_effects_are_named_and_nothing_else_is() {
     assert_eq!(verdict("paper").verdict, "not_attributable", "{}", verdict("paper").sentence);
 }
 
-/// Within three standard errors.
+/// Within three standard errors, and the model that is simulated has what the verdict says.
 fn strength_is_recovered(study: &Study, name: &str, effect: &str, strength: f64) {
     let rows: Vec<RecalibrationRow> = study.table();
     let row = rows.iter().find(|row| row.measured == name && row.name == effect).expect("a strength");
     let deviation = (row.value - strength) / row.standard_error;
     assert!(deviation.abs() < 3.0, "{name}: {effect} {} ± {} against {strength}", row.value, row.standard_error);
+    let attribution: Vec<AttributionRow> = study.table();
+    let named = attribution.iter().find(|row| row.measured == name && row.effect == effect).expect("an attribution");
+    assert_eq!((row.value, row.standard_error), (named.strength, named.strength_sd), "{name}: {effect}");
 }
 
 /// The mean square of the errors of the fitted means, each over the half width of its interval, shrinks by half or more.

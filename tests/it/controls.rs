@@ -5,9 +5,9 @@ use granulake::store::table;
 use granulake::tables::{BeforeAfterRow, ResidualRow, Row, VerdictRow};
 
 const STUDY: &[(&str, &str)] = &[
-    ("refine_repetitions = 3", "refine_repetitions = 24"),
+    ("refine_repetitions = 3", "refine_repetitions = 60"),
     ("anchors = 1\n", "anchors = 8\n"),
-    ("anchor_repetitions = 2", "anchor_repetitions = 6"),
+    ("anchor_repetitions = 2", "anchor_repetitions = 8"),
     ("refine_points = 4", "refine_points = 8"),
     ("interior = 2", "interior = 6"),
     ("\nrepetitions = 2\nresolution", "\nrepetitions = 4\nresolution"),

@@ -22,10 +22,9 @@ pub fn section(report: &Report) -> Section {
 /// Why the parameters here are not those of the calibration.
 const FITTED_TO_ALL: &str = "These parameters are those of the diagnosis: with many runs at the optimum they are fitted to \
     all statistics of the fitted tests at once, each weighed by its error. The calibrated parameters further up are fitted \
-    to the KPIs alone with the paper's weights, so their errors differ from those here. An effect's strength is fitted anew \
-    together with the parameters, so it differs from the verdict's within their errors. Standard errors of parameters are too \
-    small as yet: on sixty coarse data sets whose truth is known parameters were off by 1.4 of them (root mean square) and \
-    strengths by 1.1 (docs/challenges.md).";
+    to the KPIs alone with the paper's weights, so their errors differ from those here. With an effect \
+    that was switched on they and its strength are means over all that the data leave open. How far such standard errors \
+    hold is measured on coarse data sets whose truth is known (docs/challenges.md).";
 
 fn data_set(report: &Report, measured: &str) -> Vec<Block> {
     let rows = report.before_after_of(measured);

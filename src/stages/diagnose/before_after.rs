@@ -3,7 +3,7 @@
 use super::Tables;
 use super::direct;
 use super::evidence::statistic;
-use super::joint::{Contender, JointFit};
+use super::joint::{Contender, Estimate};
 use super::lab::Lab;
 use super::moments::{Batch, Moment};
 use super::verdict::Case;
@@ -28,16 +28,14 @@ pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &m
     let mut runs = Runs { before: [case.before.clone(), held_out], after: None };
     let sd = case.optimum_covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
     tables.recalibration.extend(parameter_rows(case, "before", &case.optimum, sd.as_slice(), &case.at_bound));
-    let found = added.map(|contender| contender.fit(case)).transpose()?.flatten();
+    let found = added.map(|contender| contender.estimate(case)).transpose()?.flatten();
     if let (Some(contender), Some(found)) = (added, found) {
         let effect = [(contender.name().to_owned(), found.strength)];
         let fitted_runs = direct::batch(case.context, lab, label("after"), &found.u, &effect)?;
         let held_out = direct::held_out(case.context, lab, label("after"), &found.u, &effect)?;
         runs.after = Some([fitted_runs, held_out]);
-        let at_bound: Vec<bool> = found.fit.at_bound.iter().map(Option::is_some).collect();
-        let sd = contender.spread(&found);
-        tables.recalibration.extend(parameter_rows(case, "after", &found.u, &sd, &at_bound));
-        tables.recalibration.push(strength_row(case, contender, &found, &sd));
+        tables.recalibration.extend(parameter_rows(case, "after", &found.u, &found.sd, &found.at_bound));
+        tables.recalibration.push(strength_row(case, contender, &found));
     }
     for summary in case.set.statistics() {
         tables.before_after.extend([Moment::Mean, Moment::LnSd].map(|moment| row(case, &summary, moment, &runs)));
@@ -63,15 +61,15 @@ fn parameter_rows(case: &Case, model: &str, u: &DVector<f64>, sd: &[f64], at_bou
     case.context.config.parameters.iter().enumerate().map(row).collect()
 }
 
-fn strength_row(case: &Case, contender: &Contender, found: &JointFit, sd: &[f64]) -> RecalibrationRow {
+fn strength_row(case: &Case, contender: &Contender, found: &Estimate) -> RecalibrationRow {
     RecalibrationRow {
         measured: case.set.name.clone(),
         model: "after".to_owned(),
         name: contender.name().to_owned(),
         value: found.strength,
-        standard_error: sd.last().map_or(0.0, |sd| contender.width() * sd),
+        standard_error: found.sd.last().map_or(0.0, |sd| contender.width() * sd),
         unit: contender.unit().to_owned(),
-        at_bound: found.fit.at_bound.last().is_some_and(Option::is_some),
+        at_bound: found.at_bound.last().copied().unwrap_or(false),
     }
 }
 

@@ -215,13 +215,21 @@ impl Surface {
         (self.strength(x) * trend.per_strength, slopes)
     }
 
-    /// Covariance of the metamodels' own error at `x`, which observables share as far as the repetitions of a run do
-    /// (`correlation`, m × m).
+    /// Covariance of the metamodels' own error at `x`: [`Self::shared`] with the errors there.
     pub fn uncertainty(&self, x: &DVector<f64>, correlation: &DMatrix<f64>) -> DMatrix<f64> {
-        scaled(correlation, &self.errors_of(&self.predictions(x), x))
+        self.shared(&self.errors_of(&self.predictions(x), x), correlation)
     }
 
-    /// Slopes at `x` with the covariance of their error, shared among observables in the same way.
+    /// Covariance of errors of the metamodels with standard deviations `sd` (m). Errors of means are as correlated as the
+    /// repetitions of a run (`correlation`, m × m); those of ln s and of trends are independent of all others. Held against
+    /// runs at 128 places (docs/challenges.md, "Parameters are surer than they should be").
+    fn shared(&self, sd: &[f64], correlation: &DMatrix<f64>) -> DMatrix<f64> {
+        let is_mean = |i: usize| self.rows[i].1 == Moment::Mean;
+        let share = |i: usize, j: usize| if i == j || (is_mean(i) && is_mean(j)) { correlation[(i, j)] } else { 0.0 };
+        DMatrix::from_fn(sd.len(), sd.len(), |i, j| share(i, j) * sd[i] * sd[j])
+    }
+
+    /// Slopes at `x` with the covariance of their error ([`Self::shared`]).
     pub fn slopes(&self, x: &DVector<f64>, correlation: &DMatrix<f64>) -> Slopes {
         let error = |(model, moment): &(usize, Moment)| match moment {
             Moment::Mean => self.models[*model].mean_slope_sd(x.as_slice()),
@@ -229,7 +237,7 @@ impl Surface {
             Moment::Trend => vec![0.0; x.len()],
         };
         let errors: Vec<Vec<f64>> = self.rows.iter().map(error).collect();
-        let column = |j: usize| scaled(correlation, &errors.iter().map(|row| row[j]).collect::<Vec<_>>());
+        let column = |j: usize| self.shared(&errors.iter().map(|row| row[j]).collect::<Vec<_>>(), correlation);
         Slopes { jacobian: self.predict(x).1, covariance: (0..x.len()).map(column).collect() }
     }
 }
@@ -249,11 +257,6 @@ fn lack(model: &Metamodel, observations: &Observations) -> f64 {
         weights += 1.0 / (v * v);
     }
     if weights > 0.0 { (sum / weights).max(0.0).sqrt() } else { 0.0 }
-}
-
-/// The covariance with a given correlation and given standard deviations.
-fn scaled(correlation: &DMatrix<f64>, sd: &[f64]) -> DMatrix<f64> {
-    DMatrix::from_fn(sd.len(), sd.len(), |i, j| correlation[(i, j)] * sd[i] * sd[j])
 }
 
 /// A trend that also knows the runs of a batch, all at one strength.
@@ -322,7 +325,7 @@ pub fn parameters(config: &Config, measured: &Measured, start: &[f64]) -> Vec<Pa
 pub struct Weights<'a> {
     /// Covariance of the measured values (m × m).
     pub noise: &'a DMatrix<f64>,
-    /// Correlation of the errors of the metamodels (m × m).
+    /// Correlation of the repetitions of a run (m × m), which the errors of the metamodels share in part.
     pub correlation: &'a DMatrix<f64>,
 }
 
@@ -340,7 +343,7 @@ impl Weights<'_> {
             return f64::NEG_INFINITY;
         }
         let predictions = surface.predictions(x);
-        let covariance = self.noise + scaled(self.correlation, &surface.errors_of(&predictions, x));
+        let covariance = self.noise + surface.shared(&surface.errors_of(&predictions, x), self.correlation);
         let Some(factor) = covariance.cholesky() else { return f64::NEG_INFINITY };
         let responses: Vec<Response> = predictions.into_iter().map(Response::from).collect();
         let rows = surface.rows_of(&responses, x);
@@ -458,4 +461,23 @@ pub fn gls(
         what: format!("the fit of all statistics failed: {error}"),
         remedy: "check the measured data for observables without scatter, or raise study.repetitions",
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_errors_of_means_go_together_as_repetitions_do() {
+        let rows = vec![(0, Moment::Mean), (1, Moment::Mean), (0, Moment::LnSd), (1, Moment::LnSd), (0, Moment::Trend)];
+        let trends = vec![Trend::default(); rows.len()];
+        let surface =
+            Surface { models: Vec::new(), observables: Vec::new(), lack: Vec::new(), rows, trends, range: None };
+        let correlation = DMatrix::from_fn(5, 5, |i, j| if i == j { 1.0 } else { 0.5 });
+        let covariance = surface.shared(&[1.0, 2.0, 3.0, 4.0, 5.0], &correlation);
+        let mut expected = DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, 4.0, 9.0, 16.0, 25.0]));
+        expected[(0, 1)] = 1.0;
+        expected[(1, 0)] = 1.0;
+        assert_eq!(covariance, expected);
+    }
 }

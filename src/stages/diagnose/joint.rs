@@ -79,6 +79,18 @@ pub struct JointFit {
     pub strength: f64,
 }
 
+/// Parameters and strength of the model with the effect.
+pub struct Estimate {
+    /// Parameters in the unit cube.
+    pub u: DVector<f64>,
+    /// Strength in its unit.
+    pub strength: f64,
+    /// Standard deviations of the parameters and of the place of the strength in its range.
+    pub sd: Vec<f64>,
+    /// Whether the joint optimum lies on a bound, of the parameters and of the strength.
+    pub at_bound: Vec<bool>,
+}
+
 impl Contender {
     /// Trains the model of a candidate for the statistics of a case.
     pub fn new(case: &Case, models: &Models, anchors: &Anchors, name: &str) -> Result<Self, StageError> {
@@ -240,12 +252,16 @@ impl Contender {
         Some((strength_at(self.effect.range(), marginal.mean), marginal.sd * self.width()))
     }
 
-    /// Standard deviations of the parameters and the strength in the unit cube, as sampled, else those of the fit.
-    pub fn spread(&self, found: &JointFit) -> Vec<f64> {
-        match &self.draws {
-            None => sds(&found.fit),
-            Some(draws) => draws.marginals().iter().map(|marginal| marginal.sd).collect(),
-        }
+    /// Parameters and strength given the data: mean and standard deviation of the draws, or the joint optimum with its
+    /// errors where nothing was sampled; `None` without a model.
+    pub fn estimate(&self, case: &Case) -> Result<Option<Estimate>, StageError> {
+        let Some(JointFit { fit, u, strength }) = self.fit(case)? else { return Ok(None) };
+        let at_bound = fit.at_bound.iter().map(Option::is_some).collect();
+        let Some(draws) = &self.draws else { return Ok(Some(Estimate { u, strength, sd: sds(&fit), at_bound })) };
+        let (means, sd): (Vec<f64>, Vec<f64>) = draws.marginals().iter().map(|m| (m.mean, m.sd)).unzip();
+        let (u, place) = means.split_at(u.len());
+        let strength = strength_at(self.effect.range(), place[0]);
+        Ok(Some(Estimate { u: DVector::from_column_slice(u), strength, sd, at_bound }))
     }
 
     /// Width of the range of the strength.

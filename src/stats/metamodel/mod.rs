@@ -171,9 +171,9 @@ pub struct Reading {
 }
 
 impl Default for Reading {
-    /// `cv_squared`, `cv`, a floor of 10⁻⁴ (one percent of the typical standard deviation), and the paper's kernel.
+    /// `cv_squared`, `cv`, a floor of 10⁻⁴ (one percent of the typical standard deviation), and Matérn 5/2.
     fn default() -> Self {
-        Self { noise: Noise::CvSquared, scatter: Scatter::Cv, variance_floor: 1e-4, kernel: Kernel::SquaredExponential }
+        Self { noise: Noise::CvSquared, scatter: Scatter::Cv, variance_floor: 1e-4, kernel: Kernel::Matern52 }
     }
 }
 
