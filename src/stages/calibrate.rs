@@ -22,7 +22,7 @@ use rayon::prelude::*;
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "calibrate",
-    version: 3,
+    version: 4,
     purpose: "parameters that bring the metamodels to the measured values",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
@@ -312,7 +312,7 @@ impl Work<'_> {
 
     fn summaries(&self, row: &CalibrationRow, posterior: &Posterior) -> Vec<PosteriorSummaryRow> {
         let (parameters, correlations) = (&self.context.config.parameters, posterior.sample.correlations());
-        let independent = posterior.sample.points.len() as f64 / posterior.sample.autocorrelation_time;
+        let independent = posterior.sample.independent_draws();
         let one = |(index, (parameter, marginal)): (usize, (&Parameter, &Marginal))| {
             let others = (0..parameters.len()).filter(|other| *other != index);
             let known = others.map(|other| (other, correlations[index][other])).filter(|(_, c)| c.is_finite());

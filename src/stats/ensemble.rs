@@ -1,5 +1,6 @@
-//! Draws from a density over the unit cube of which only the logarithm is known, up to a constant: the affine-invariant
-//! ensemble of Goodman & Weare (2010), which no scaling or correlation of the coordinates slows down.
+//! Draws from a density over the unit cube of which only the logarithm is known, up to a constant, by an ensemble of walkers: half
+//! of the moves are the stretches of Goodman & Weare (2010), half the steps of differential evolution (ter Braak 2006, Nelson, Ford &
+//! Payne 2014), which also lead from one mode to another. No scaling or correlation of the coordinates slows either down.
 //!
 //! Takes ln p as a function, −∞ outside the cube, and where the walkers start; gives the positions of all walkers, marginals,
 //! correlations, and how far the draws are independent. Random numbers are drawn in sequence and only densities are computed in
@@ -9,26 +10,39 @@ use super::optimise::Bounds;
 use super::points::Points;
 use crate::rng::Stream;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Stretch of a proposal, a of Goodman & Weare.
 const STRETCH: f64 = 2.0;
 
-/// How far below the best in ln p a walker is lost: a mode there has no weight that a sample could show.
-const LOST: f64 = 50.0;
+/// Share of the steps that are as long as the way between two walkers, from mode to mode.
+const LONG: f64 = 0.1;
 
-/// Length of a walk.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How far below the best in ln p a walker is lost: e⁻¹⁵ of the density outweighs all that a mode there may have more of room.
+const LOST: f64 = 15.0;
+
+/// How long to walk. Of all sweeps the first three tenths are dropped.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Length {
-    /// Sweeps that are dropped.
-    pub burn_in: usize,
-    /// Sweeps that are kept.
+    /// Sweeps to begin with.
     pub sweeps: usize,
+    /// Independent draws that are enough: as long as there are fewer the walk goes on until it is twice as long.
+    pub draws: f64,
+    /// Most times that it is doubled.
+    pub doublings: usize,
 }
 
-/// Enough for a mean and a standard deviation to a tenth of the latter where walkers forget their place within a hundred sweeps.
+/// A mean to a fourteenth of the standard deviation.
 impl Default for Length {
     fn default() -> Self {
-        Self { burn_in: 150, sweeps: 350 }
+        Self { sweeps: 500, draws: 200.0, doublings: 4 }
+    }
+}
+
+impl Length {
+    /// Sweeps that are dropped of so many.
+    fn burn_in(sweeps: usize) -> usize {
+        sweeps * 3 / 10
     }
 }
 
@@ -47,13 +61,13 @@ pub struct Sample {
     /// Share of proposals accepted; 0.2 to 0.7 is usual.
     pub acceptance: f64,
     /// Sweeps after which a walker has forgotten where it was, the largest over the parameters. The sample is worth
-    /// sweeps · walkers over this many independent draws; keep sweeps above fifty times of it.
+    /// sweeps · walkers over this many independent draws.
     pub autocorrelation_time: f64,
 }
 
 /// Samples a density from where the walkers stand, at least 2(p + 1) of them in p coordinates and an even number. They
-/// must not lie in one plane. A walker in a far mode could stay there for good; half-way through the burn-in those that are
-/// lost begin anew where another stands (in the manner of Hou et al. 2012, who prune them).
+/// must not lie in one plane. A walker in a far mode could stay there for good; half-way through the first burn-in and at its end those
+/// that are lost begin anew where another stands (in the manner of Hou et al. 2012, who prune them).
 ///
 /// # Panics
 /// If the number of walkers is odd or below 2(p + 1).
@@ -67,23 +81,51 @@ pub fn sample(
     assert!(walkers.is_multiple_of(2) && walkers / 2 > p, "an even number of walkers, at least 2(p + 1)");
     let values = start.iter().map(|position| ln_density(position)).collect();
     let mut walk = Walk { positions: start, values, stream };
-    let mut points = Points::empty(p);
-    let mut ln_densities = Vec::with_capacity(length.sweeps * walkers);
-    let mut accepted = 0;
-    for sweep in 0..length.burn_in + length.sweeps {
-        if sweep == length.burn_in / 2 {
-            walk.fetch_lost();
+    let mut history = History { walkers, points: Points::empty(p), ln_density: Vec::new(), accepted: Vec::new() };
+    let (first_burn_in, mut doublings) = (Length::burn_in(length.sweeps), 0);
+    loop {
+        let sweeps = length.sweeps << doublings;
+        while history.accepted.len() < sweeps {
+            if [first_burn_in / 2, first_burn_in].contains(&history.accepted.len()) {
+                walk.fetch_lost();
+            }
+            let accepted = walk.sweep(&ln_density, walkers / 2);
+            history.record(&walk, accepted);
         }
-        let moved = walk.sweep(&ln_density, walkers / 2);
-        if sweep >= length.burn_in {
-            accepted += moved;
-            walk.positions.iter().for_each(|position| points.push(position));
-            ln_densities.extend_from_slice(&walk.values);
+        let sample = history.after(Length::burn_in(sweeps));
+        if sample.independent_draws() >= length.draws || doublings == length.doublings {
+            return sample;
         }
+        doublings += 1;
     }
-    let acceptance = accepted as f64 / ln_densities.len() as f64;
-    let time = (0..p).map(|d| autocorrelation_time(&points, walkers, d)).fold(1.0, f64::max);
-    Sample { points, ln_density: ln_densities, acceptance, autocorrelation_time: time }
+}
+
+/// All sweeps of a walk.
+struct History {
+    walkers: usize,
+    points: Points,
+    ln_density: Vec<f64>,
+    accepted: Vec<usize>,
+}
+
+impl History {
+    fn record(&mut self, walk: &Walk, accepted: usize) {
+        walk.positions.iter().for_each(|position| self.points.push(position));
+        self.ln_density.extend_from_slice(&walk.values);
+        self.accepted.push(accepted);
+    }
+
+    /// The sample that follows a burn-in.
+    fn after(&self, burn_in: usize) -> Sample {
+        let first = burn_in * self.walkers;
+        let mut points = Points::empty(self.points.dimension());
+        self.points.rows().skip(first).for_each(|row| points.push(row));
+        let ln_density = self.ln_density[first..].to_vec();
+        let accepted: usize = self.accepted[burn_in..].iter().sum();
+        let acceptance = accepted as f64 / ln_density.len() as f64;
+        let time = (0..points.dimension()).map(|d| autocorrelation_time(&points, self.walkers, d)).fold(1.0, f64::max);
+        Sample { points, ln_density, acceptance, autocorrelation_time: time }
+    }
 }
 
 /// Walkers all over the unit cube.
@@ -136,9 +178,31 @@ impl Walk {
         }
     }
 
-    /// A stretch along the line to a walker of the other half.
+    /// A stretch or, as often, a step, either along walkers of the other half.
     fn propose(&mut self, walker: usize, half: usize) -> Move {
-        let other = self.stream.index(half) + if walker < half { half } else { 0 };
+        let others = if walker < half { half..2 * half } else { 0..half };
+        match self.stream.uniform() < 0.5 {
+            true => self.stretch(walker, others),
+            false => self.step(walker, others),
+        }
+    }
+
+    /// A step by the difference of two others, scaled by 2.38/√(2p) or, now and then, as it is.
+    fn step(&mut self, walker: usize, others: Range<usize>) -> Move {
+        let number = others.len();
+        let first = self.stream.index(number);
+        let second = (first + 1 + self.stream.index(number - 1)) % number;
+        let here = &self.positions[walker];
+        let scale = if self.stream.uniform() < LONG { 1.0 } else { 2.38 / (2.0 * here.len() as f64).sqrt() };
+        let threshold = libm::log(1.0 - self.stream.uniform());
+        let (from, to) = (&self.positions[others.start + first], &self.positions[others.start + second]);
+        let position = here.iter().zip(from.iter().zip(to)).map(|(x, (a, b))| x + scale * (b - a)).collect();
+        Move { position, gain: 0.0, threshold }
+    }
+
+    /// A stretch along the line to another.
+    fn stretch(&mut self, walker: usize, others: Range<usize>) -> Move {
+        let other = others.start + self.stream.index(others.len());
         let root = (STRETCH - 1.0) * self.stream.uniform() + 1.0;
         let z = root * root / STRETCH;
         let threshold = libm::log(1.0 - self.stream.uniform());
@@ -192,6 +256,11 @@ pub struct Marginal {
 }
 
 impl Sample {
+    /// How many independent draws it is worth.
+    pub fn independent_draws(&self) -> f64 {
+        self.points.len() as f64 / self.autocorrelation_time
+    }
+
     /// Marginal of every parameter.
     pub fn marginals(&self) -> Vec<Marginal> {
         (0..self.points.dimension()).map(|d| self.marginal(d)).collect()
@@ -235,7 +304,7 @@ mod tests {
     fn a_ridge_is_sampled_with_its_widths_and_its_correlation() {
         let mut stream = Stream::new(1, "ridge");
         let start = around(&[0.4, 0.6], &[0.1, 0.05], 24, &mut stream);
-        let found = sample(start, ridge, Length { burn_in: 200, sweeps: 2000 }, stream);
+        let found = sample(start, ridge, Length { sweeps: 2200, draws: 0.0, doublings: 0 }, stream);
         // Independent draws: sweeps · walkers over the autocorrelation time, some 3000; five standard errors.
         assert!(found.autocorrelation_time < 40.0 && (0.2..0.9).contains(&found.acceptance), "{found:?}");
         for (marginal, (mean, sd)) in found.marginals().iter().zip([(0.4, 0.1), (0.6, 0.05)]) {
@@ -243,6 +312,22 @@ mod tests {
             assert!((marginal.upper - marginal.lower - 3.92 * sd).abs() < 0.5 * sd, "{marginal:?}");
         }
         assert!((found.correlations()[0][1] - 0.9).abs() < 0.03);
+    }
+
+    /// The same walk: only its length depends on how many draws are asked for, and it stops at the first that is enough.
+    #[test]
+    fn a_walk_goes_on_until_there_are_enough_independent_draws() {
+        let walk = |draws: f64, doublings: usize| {
+            let mut stream = Stream::new(1, "ridge");
+            let start = around(&[0.4, 0.6], &[0.1, 0.05], 24, &mut stream);
+            sample(start, ridge, Length { sweeps: 100, draws, doublings }, stream)
+        };
+        let (short, long, longest) = (walk(0.0, 4), walk(400.0, 8), walk(f64::INFINITY, 2));
+        assert_eq!((short.points.len(), longest.points.len()), (70 * 24, 280 * 24));
+        assert!(short.independent_draws() < 400.0 && long.independent_draws() >= 400.0);
+        assert_eq!(long.points.len() % (70 * 24), 0);
+        let before = walk(f64::INFINITY, (long.points.len() / (70 * 24)).ilog2() as usize - 1);
+        assert!(before.independent_draws() < 400.0, "half of it would have been enough");
     }
 
     /// The ridge and a second mode in a corner, 55 lower in ln p; half-way between, as far as a move leads, it is 70 lower.
@@ -256,11 +341,25 @@ mod tests {
         let mut stream = Stream::new(3, "trap");
         let mut start = around(&[0.4, 0.6], &[0.1, 0.05], 22, &mut stream);
         start.extend([vec![0.05, 0.96], vec![0.04, 0.95]]);
-        let found = sample(start, with_a_trap, Length { burn_in: 200, sweeps: 2000 }, stream);
+        let found = sample(start, with_a_trap, Length { sweeps: 2200, draws: 0.0, doublings: 0 }, stream);
         assert!(found.ln_density.iter().all(|&value| value > -LOST), "a walker is still in the trap");
         for (marginal, (mean, sd)) in found.marginals().iter().zip([(0.4, 0.1), (0.6, 0.05)]) {
             assert!((marginal.mean - mean).abs() < 0.12 * sd && (marginal.sd / sd - 1.0).abs() < 0.1, "{marginal:?}");
         }
+    }
+
+    /// Two narrow modes, one three times as heavy as the other; all walkers start in the light one but for two.
+    #[test]
+    fn modes_far_apart_have_their_share() {
+        let mode = |x: &[f64], centre: f64| -0.5 * x.iter().map(|x| (x - centre) * (x - centre)).sum::<f64>() / 0.0009;
+        let density = |x: &[f64]| libm::log(0.75 * libm::exp(mode(x, 0.2)) + 0.25 * libm::exp(mode(x, 0.8)));
+        let mut stream = Stream::new(4, "modes");
+        let mut start = around(&[0.8, 0.8], &[0.03, 0.03], 22, &mut stream);
+        start.extend([vec![0.2, 0.21], vec![0.19, 0.2]]);
+        let found = sample(start, density, Length { draws: 400.0, ..Length::default() }, stream);
+        let share = found.points.rows().filter(|x| x[0] < 0.5).count() as f64 / found.points.len() as f64;
+        let error = (0.75 * 0.25 / found.independent_draws()).sqrt();
+        assert!(found.independent_draws() > 400.0 && (share - 0.75).abs() < 3.0 * error, "{share} ± {error}");
     }
 
     #[test]

@@ -64,7 +64,7 @@ fn gradient_of_the_objective_is_that_of_its_value() {
 fn draws(problem: &Problem) -> Sample {
     let mut stream = Stream::new(0, "posterior walkers");
     let start = everywhere(problem.dimension(), 32, &mut stream);
-    sample(start, |x| problem.log_posterior(x), Length { burn_in: 300, sweeps: 1000 }, stream)
+    sample(start, |x| problem.log_posterior(x), Length { sweeps: 1300, draws: 0.0, doublings: 0 }, stream)
 }
 
 #[test]
