@@ -18,7 +18,8 @@ const STRETCH: f64 = 2.0;
 /// Share of the steps that are as long as the way between two walkers, from mode to mode.
 const LONG: f64 = 0.1;
 
-/// How far below the best in ln p a walker is lost: e⁻¹⁵ of the density outweighs all that a mode there may have more of room.
+/// How far below the best in ln p a walker is lost: with e⁻¹⁵ of the density a mode there counts only if the best one is narrower than
+/// 3·10⁻⁷ of its volume.
 const LOST: f64 = 15.0;
 
 /// How long to walk. Of all sweeps the first three tenths are dropped.
