@@ -11,9 +11,9 @@ use crate::stages;
 use crate::stats::summary::clopper_pearson;
 use crate::store::{Store, table};
 use crate::tables::Row;
-use crate::tables::list::{AttributionRow, ConfusionRow, RecalibrationRow, VerdictRow};
+use crate::tables::list::{AttributionRow, BeforeAfterRow, ConfusionRow, RecalibrationRow, VerdictRow};
 use clap::{Args, Subcommand};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -169,31 +169,72 @@ fn solve(study: &Path, dir: &Path, without: Option<&str>, jobs: usize) -> Result
     Ok(Outcome::Done)
 }
 
+/// A solved challenge with its seal open.
+struct Opened<'d> {
+    dir: &'d Path,
+    score: Score,
+    verdict: VerdictRow,
+    parameters: BTreeMap<String, f64>,
+    before_after: Vec<BeforeAfterRow>,
+}
+
 /// Opens the seals and prints one line per challenge, or an array.
 fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
-    let (mut scores, mut off) = (Vec::new(), Vec::new());
+    let mut opened = Vec::new();
     for dir in dirs {
-        let (score, parameters) = score_one(dir).map_err(|e| format!("{}: {e}", dir.display()))?;
-        off.extend(parameters.values());
-        scores.push((dir, score, parameters));
+        opened.push(Opened::read(dir).map_err(|e| format!("{}: {e}", dir.display()))?);
     }
     let mut out = std::io::stdout().lock();
     if as_json {
-        let entry = |(dir, s, parameters): &(&PathBuf, Score, BTreeMap<String, f64>)| {
-            json!({
-                "dir": dir.display().to_string(), "truth": s.truth, "strength": s.strength, "in_library": s.in_library,
-                "verdict": s.verdict, "named": s.named, "found": s.found, "found_sd": s.found_sd, "off": s.off(),
-                "detectable": s.detectable,
-                "decidable": s.decidable, "correct": s.correct, "parameters_off": parameters,
-            })
-        };
-        writeln!(out, "{}", serde_json::Value::Array(scores.iter().map(entry).collect()))?;
+        writeln!(out, "{}", Value::Array(opened.iter().map(Opened::json).collect()))?;
         return Ok(Outcome::Done);
     }
     let names = ["challenge", "truth", "strength", "verdict", "named", "found", "sd", "off_in_sd", "correct"];
-    let cells = scores.iter().map(|(dir, s, _)| {
+    let cells: Vec<_> = opened.iter().map(Opened::cells).collect();
+    writeln!(out, "{}", aligned(&names.map(str::to_owned), &cells))?;
+    writeln!(out, "{}", rates(&opened).join("\n"))?;
+    Ok(Outcome::Done)
+}
+
+impl<'d> Opened<'d> {
+    fn read(dir: &'d Path) -> Result<Self, CliError> {
+        let text = |name: &str| {
+            std::fs::read_to_string(dir.join(name))
+                .map_err(|e| format!("cannot read {name}: {e}; a scored challenge needs it"))
+        };
+        let declaration = Declaration::open(&text(SEALED)?, &text(MEASURED)?)?;
+        let tables = dir.join(TABLES);
+        if !tables.is_dir() {
+            return Err("it has no solution; run `granulake challenge solve` first".into());
+        }
+        let verdicts: Vec<VerdictRow> = table::read(&tables, VerdictRow::SPEC)?;
+        let missing = "its solution has no verdict; run `granulake challenge solve` again";
+        let verdict = verdicts.into_iter().next().ok_or(missing)?;
+        let solution = Solution {
+            verdict: verdict.clone(),
+            attribution: table::read(&tables, AttributionRow::SPEC)?,
+            confusion: table::read(&tables, ConfusionRow::SPEC)?,
+        };
+        let score = challenge::score(&declaration, &solution);
+        let recalibration: Vec<RecalibrationRow> = table::read(&tables, RecalibrationRow::SPEC)?;
+        let parameters = challenge::parameters_off(&declaration, &score, &recalibration);
+        Ok(Self { dir, score, verdict, parameters, before_after: table::read(&tables, BeforeAfterRow::SPEC)? })
+    }
+
+    fn json(&self) -> Value {
+        let (s, VerdictRow { t0, dof, p, .. }) = (&self.score, &self.verdict);
+        json!({
+            "dir": self.dir.display().to_string(), "truth": s.truth, "strength": s.strength, "in_library": s.in_library,
+            "verdict": s.verdict, "named": s.named, "t0": t0, "dof": dof, "p": p,
+            "found": s.found, "found_sd": s.found_sd, "off": s.off(), "detectable": s.detectable,
+            "decidable": s.decidable, "correct": s.correct, "parameters_off": self.parameters,
+        })
+    }
+
+    fn cells(&self) -> Vec<Value> {
+        let s = &self.score;
         vec![
-            dir.display().to_string().into(),
+            self.dir.display().to_string().into(),
             s.truth.clone().into(),
             s.strength.into(),
             s.verdict.clone().into(),
@@ -203,60 +244,100 @@ fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
             s.off().into(),
             s.correct.into(),
         ]
-    });
-    writeln!(out, "{}", aligned(&names.map(str::to_owned), &cells.collect::<Vec<_>>()))?;
-    let scores: Vec<Score> = scores.into_iter().map(|(_, score, _)| score).collect();
-    writeln!(out, "{}", rates(&scores, &off))?;
-    Ok(Outcome::Done)
+    }
 }
 
 /// Rates over several challenges, each with its exact 95 % interval, where there is anything to count.
-fn rates(scores: &[Score], parameters: &[f64]) -> String {
-    let rate = |what: &str, counted: Vec<bool>| {
-        let (hits, trials) = (counted.iter().filter(|hit| **hit).count(), counted.len());
-        let interval = clopper_pearson(hits, trials, 0.95);
-        let text = format!("{hits} of {trials} {what} ({:.3} to {:.3})", interval.lower, interval.upper);
-        (trials > 0).then_some(text)
+fn rates(opened: &[Opened]) -> Vec<String> {
+    let of = |keep: fn(&Score) -> bool, hit: fn(&Score) -> bool| {
+        opened.iter().map(|one| &one.score).filter(|score| keep(score)).map(hit).collect::<Vec<bool>>()
     };
-    let of = |keep: fn(&Score) -> bool, hit: fn(&Score) -> bool| scores.iter().filter(|s| keep(s)).map(hit).collect();
     let lines = [
-        rate("correct", of(|_| true, |s| s.correct)),
+        rate("correct", &of(|_| true, |s| s.correct)),
         rate(
             "effects at or above their detection limit named, alone or in a class",
-            of(Score::is_detectable, |s| s.correct),
+            &of(Score::is_detectable, |s| s.correct),
         ),
-        rate("false alarms where nothing is hidden", of(|s| s.truth == "none", |s| !s.correct)),
+        rate("false alarms where nothing is hidden", &of(|s| s.truth == "none", |s| !s.correct)),
     ];
-    let strengths: Vec<f64> = scores.iter().filter_map(Score::off).collect();
+    let strengths: Vec<f64> = opened.iter().filter_map(|one| one.score.off()).collect();
+    let parameters: Vec<f64> = opened.iter().flat_map(|one| one.parameters.values().copied()).collect();
     let within = |what: &str, off: &[f64]| {
-        let square = off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64;
-        let what =
-            format!("{what} within 1.96 standard errors, off by {:.2} of them (root mean square)", square.sqrt());
-        rate(&what, off.iter().map(|off| off.abs() < 1.96).collect())
+        let what = format!("{what} within 1.96 standard errors, off by {:.2} of them (root mean square)", rms(off));
+        rate(&what, &off.iter().map(|off| off.abs() < 1.96).collect::<Vec<_>>())
     };
-    let off = [within("strengths", &strengths), within("parameters", parameters)];
-    lines.into_iter().chain(off).flatten().collect::<Vec<_>>().join("\n")
+    let off = [within("strengths", &strengths), within("parameters", &parameters)];
+    let kinds = [
+        ("fitted means", true, "mean"),
+        ("fitted scatters", true, "sd"),
+        ("held-out means", false, "mean"),
+        ("held-out scatters", false, "sd"),
+    ];
+    let errors = kinds.map(|(what, fitted, statistic)| {
+        let rows = opened.iter().flat_map(|one| &one.before_after);
+        errors(what, rows.filter(|row| row.fitted == fitted && row.statistic == statistic))
+    });
+    lines.into_iter().chain(off).chain(errors.into_iter().flatten()).flatten().collect()
 }
 
-fn score_one(dir: &Path) -> Result<(Score, BTreeMap<String, f64>), CliError> {
-    let text = |name: &str| {
-        std::fs::read_to_string(dir.join(name))
-            .map_err(|e| format!("cannot read {name}: {e}; a scored challenge needs it"))
+/// Errors before and after an effect was added, of the observables that have both: how many have zero in their interval.
+fn errors<'r>(what: &str, rows: impl Iterator<Item = &'r BeforeAfterRow>) -> [Option<String>; 2] {
+    let has_zero = |lower: Option<f64>, upper: Option<f64>| lower.zip(upper).is_some_and(|(l, u)| l <= 0.0 && 0.0 <= u);
+    let both = |row: &BeforeAfterRow| {
+        let before = (row.before_error_percent?, has_zero(row.before_lower_percent, row.before_upper_percent));
+        let after = (row.after_error_percent?, has_zero(row.after_lower_percent, row.after_upper_percent));
+        Some((before, after))
     };
-    let declaration = Declaration::open(&text(SEALED)?, &text(MEASURED)?)?;
-    let solution = dir.join(TABLES);
-    if !solution.is_dir() {
-        return Err("it has no solution; run `granulake challenge solve` first".into());
+    let (before, after): (Vec<_>, Vec<_>) = rows.filter_map(both).unzip();
+    [("before", before), ("after", after)].map(|(when, errors)| {
+        let (values, zero): (Vec<f64>, Vec<bool>) = errors.into_iter().unzip();
+        let what = format!(
+            "errors of {what} with zero in their interval {when} an effect was added, {:.1} % (root mean square)",
+            rms(&values)
+        );
+        rate(&what, &zero)
+    })
+}
+
+/// How many of those counted hit, with the exact 95 % interval of the rate; nothing where none are counted.
+fn rate(what: &str, counted: &[bool]) -> Option<String> {
+    let (hits, trials) = (counted.iter().filter(|hit| **hit).count(), counted.len());
+    let interval = clopper_pearson(hits, trials, 0.95);
+    (trials > 0).then(|| format!("{hits} of {trials} {what} ({:.3} to {:.3})", interval.lower, interval.upper))
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Errors of −8, 6 and, before alone, 3 %, each ± 2; after 1 and −2.5 %.
+    #[test]
+    fn errors_are_counted_where_there_are_both() {
+        let row = |before: f64, after: Option<f64>| BeforeAfterRow {
+            measured: "blind".to_owned(),
+            experiment: "pile".to_owned(),
+            kpi: "angle_of_repose".to_owned(),
+            statistic: "mean".to_owned(),
+            fitted: true,
+            measured_value: 30.0,
+            before: Some(30.0 + 0.3 * before),
+            after: after.map(|after| 30.0 + 0.3 * after),
+            before_error_percent: Some(before),
+            before_lower_percent: Some(before - 2.0),
+            before_upper_percent: Some(before + 2.0),
+            after_error_percent: after,
+            after_lower_percent: after.map(|after| after - 2.0),
+            after_upper_percent: after.map(|after| after + 2.0),
+            unit: "deg".to_owned(),
+        };
+        let rows = [row(-8.0, Some(1.0)), row(6.0, Some(-2.5)), row(3.0, None)];
+        let [before, after] = errors("fitted means", rows.iter()).map(Option::unwrap);
+        assert!(before.starts_with("0 of 2 ") && before.contains(" 7.1 % "), "{before}");
+        assert!(after.starts_with("1 of 2 ") && after.contains(" 1.9 % "), "{after}");
+        assert_eq!(errors("fitted means", rows[2..].iter()), [None, None]);
     }
-    let verdicts: Vec<VerdictRow> = table::read(&solution, VerdictRow::SPEC)?;
-    let recalibration: Vec<RecalibrationRow> = table::read(&solution, RecalibrationRow::SPEC)?;
-    let missing = "its solution has no verdict; run `granulake challenge solve` again";
-    let solution = Solution {
-        verdict: verdicts.into_iter().next().ok_or(missing)?,
-        attribution: table::read(&solution, AttributionRow::SPEC)?,
-        confusion: table::read(&solution, ConfusionRow::SPEC)?,
-    };
-    let score = challenge::score(&declaration, &solution);
-    let parameters = challenge::parameters_off(&declaration, &score, &recalibration);
-    Ok((score, parameters))
 }

@@ -58,6 +58,7 @@ fn a_solution_has_the_same_bytes_with_the_seal_gone() {
     let scores: serde_json::Value = serde_json::from_str(&ended.out).expect("JSON");
     assert!(scores[0]["correct"].is_boolean() && scores[0]["verdict"].is_string(), "{}", ended.out);
     assert!(scores[0]["parameters_off"].is_object(), "{}", ended.out);
+    assert!(scores[0]["t0"].is_f64() && scores[0]["dof"].is_u64() && scores[0]["p"].is_f64(), "{}", ended.out);
     assert_ne!(scores[0]["verdict"], "not_attributable", "{}", ended.out);
     assert_eq!((&scores[0]["truth"], &scores[0]["in_library"]), (&"size_distribution".into(), &true.into()));
     let ended = study.succeed(&["challenge", "score", "blind", "blind"]);
