@@ -664,10 +664,19 @@ fn unusable_problems_are_refused_by_name() {
     assert!(refusal(&|p| p.parameters[0].upper = -1.0).contains("`sliding`"));
 }
 
+/// [`world`] with room for every move.
+fn wide() -> Problem {
+    let mut problem = world();
+    for parameter in &mut problem.parameters {
+        (parameter.lower, parameter.upper) = (-100.0, 100.0);
+    }
+    problem
+}
+
 /// An effect that θ̂ follows far is judged with sensitivities that have errors of their own.
 #[test]
 fn errors_of_the_sensitivities_do_not_reject_the_right_effect() {
-    let mut problem = world();
+    let mut problem = wide();
     let visible = planted(&problem, 0, 1.0);
     problem.candidates[0].signatures[0].per_unit =
         visible + &problem.jacobian * DVector::from_vec(vec![0.3, 0.2, -0.2]);
@@ -696,7 +705,7 @@ fn errors_of_the_sensitivities_do_not_reject_the_right_effect() {
 /// A signature taken where the parameters and the strength go together carries the error of J with the other sign.
 #[test]
 fn a_signature_taken_at_the_move_is_free_of_the_sensitivities_errors() {
-    let mut problem = world();
+    let mut problem = wide();
     let moves = DVector::from_vec(vec![-0.3, -0.2, 0.2]);
     let visible = planted(&problem, 0, 1.0);
     let signature = visible - &problem.jacobian * &moves;
@@ -730,7 +739,7 @@ fn a_signature_taken_at_the_move_is_free_of_the_sensitivities_errors() {
 /// strength they do, and the errors of the sensitivities do not hide the effect.
 #[test]
 fn errors_of_the_sensitivities_count_at_the_fitted_strength() {
-    let mut problem = world();
+    let mut problem = wide();
     problem.jacobian_covariance = vec![problem.covariance.clone(); 3];
     let moves = DVector::from_vec(vec![-3.0, -2.0, 2.0]);
     let shift = planted(&problem, 0, 6.0);
@@ -751,7 +760,7 @@ fn errors_of_the_sensitivities_count_at_the_fitted_strength() {
 /// strength, where they cancel, is known all the same.
 #[test]
 fn a_signature_is_resolved_where_a_fit_takes_it() {
-    let mut problem = world();
+    let mut problem = wide();
     problem.jacobian_covariance = vec![&problem.covariance * 100.0; 3];
     let moves = DVector::from_vec(vec![-3.0, -2.0, 2.0]);
     let per_unit = calibrated(&problem, &planted(&problem, 0, 1.0));
@@ -765,6 +774,20 @@ fn a_signature_is_resolved_where_a_fit_takes_it() {
         observe(&problem, &shift, 31).effects[0].status.clone()
     };
     assert_eq!((status(6.0), status(0.0)), (Status::Testable, Status::SignatureNotResolved));
+}
+
+/// A parameter to which the data hardly respond would have to go far beyond its bounds to take up an effect. It cannot, and
+/// the error of its sensitivity counts for no more than the way to its bounds.
+#[test]
+fn errors_of_the_sensitivities_count_within_the_bounds() {
+    let status = |mut problem: Problem| {
+        problem.jacobian.column_mut(2).scale_mut(1e-3);
+        problem.jacobian_covariance = vec![&problem.covariance * 0.01; 3];
+        let shift = planted(&problem, 0, 6.0);
+        observe(&problem, &shift, 32).effects[0].status.clone()
+    };
+    assert_eq!(status(world()), Status::Testable);
+    assert_ne!(status(wide()), Status::Testable);
 }
 
 /// A signature of which little is known leaves nothing over of anything; that does not make it as likely as the right effect.

@@ -9,7 +9,7 @@ use super::outcome::{
     Attribution, EffectReport, Member, ResidualRow, Sensitivity, Separation, Status, TestMethod, Verdict,
 };
 use super::proposals::{cosine, separation, usable, with_proposal};
-use super::{AttributionError, Candidate, Options, Problem, RowKind, Signature};
+use super::{AttributionError, Candidate, Options, Parameter, Problem, RowKind, Signature};
 use crate::stats::special;
 use nalgebra::{DMatrix, DVector};
 
@@ -73,9 +73,10 @@ fn curve(whitened: &Whitened, candidate: &Candidate) -> Curve {
     Curve::new(candidate.signatures.iter().map(|s| s.strength).collect(), &vectors)
 }
 
-/// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, and an error δJ of the
-/// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature was taken. The two moves
-/// all but cancel at the fitted strength, however far they lead; along a bent path they do so only there.
+/// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, but not beyond its bounds,
+/// and an error δJ of the sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature
+/// was taken. The two moves all but cancel at the fitted strength, however far they lead; along a bent path they do so only
+/// there.
 fn signature_errors(problem: &Problem, whitened: &Whitened, geometry: &Geometry, signatures: &[Curve]) -> Vec<Errors> {
     let columns: Vec<DMatrix<f64>> = problem.jacobian_covariance.iter().map(|c| whitened.covariance(c)).collect();
     let of = |(candidate, curve): (&Candidate, &Curve)| {
@@ -83,8 +84,9 @@ fn signature_errors(problem: &Problem, whitened: &Whitened, geometry: &Geometry,
         let at = |(signature, vector): (&Signature, &Vec<f64>)| {
             let moves = &geometry.inverse * DVector::from_column_slice(vector);
             columns.iter().enumerate().fold(known.clone(), |error, (column, covariance)| {
-                let parameter = &problem.parameters[column];
-                let step = moves[column] * (parameter.upper - parameter.lower) + signature.shift[column];
+                let Parameter { value, lower, upper, .. } = problem.parameters[column];
+                let asked = value - moves[column] * (upper - lower) * signature.strength;
+                let step = (asked.clamp(lower, upper) - value) / signature.strength - signature.shift[column];
                 error + covariance * (step * step)
             })
         };
