@@ -33,6 +33,16 @@ pub(in crate::stats) fn exp_in_place(values: &mut [f64]) {
     Arch::new().dispatch(Exponentials { values });
 }
 
+/// x ← f(x), a vector at a time where `f` is plain arithmetic.
+pub(in crate::stats) fn apply(values: &mut [f64], f: impl Fn(f64) -> f64) {
+    Arch::new().dispatch(Apply { values, f });
+}
+
+/// x ← f(x, y), likewise.
+pub(in crate::stats) fn combine(values: &mut [f64], others: &[f64], f: impl Fn(f64, f64) -> f64) {
+    Arch::new().dispatch(Combine { values, others, f });
+}
+
 /// −½ Σ_d a_d (x_d − p_jd)² of every point p_j, summed in the order of d. `columns` holds the coordinates of all points one
 /// parameter after the other.
 pub(in crate::stats) fn squared_distances(columns: &[f64], x: &[f64], a: &[f64]) -> Vec<f64> {
@@ -258,6 +268,35 @@ impl WithSimd for SquaredDistances<'_> {
             }
         }
         exponents.iter_mut().for_each(|sum| *sum *= -0.5);
+    }
+}
+
+struct Apply<'a, F> {
+    values: &'a mut [f64],
+    f: F,
+}
+
+impl<F: Fn(f64) -> f64> WithSimd for Apply<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.values.iter_mut().for_each(|value| *value = (self.f)(*value));
+    }
+}
+
+struct Combine<'a, F> {
+    values: &'a mut [f64],
+    others: &'a [f64],
+    f: F,
+}
+
+impl<F: Fn(f64, f64) -> f64> WithSimd for Combine<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.values.iter_mut().zip(self.others).for_each(|(value, other)| *value = (self.f)(*value, *other));
     }
 }
 

@@ -222,7 +222,7 @@ impl Surface {
 
     /// Covariance of errors of the metamodels with standard deviations `sd` (m). Errors of means are as correlated as the
     /// repetitions of a run (`correlation`, m × m); those of ln s and of trends are independent of all others. Held against
-    /// runs at 128 places (docs/challenges.md, "Parameters are surer than they should be").
+    /// runs at 128 places (docs/lessons.md, "Metamodels with honest errors").
     fn shared(&self, sd: &[f64], correlation: &DMatrix<f64>) -> DMatrix<f64> {
         let is_mean = |i: usize| self.rows[i].1 == Moment::Mean;
         let share = |i: usize, j: usize| if i == j || (is_mean(i) && is_mean(j)) { correlation[(i, j)] } else { 0.0 };

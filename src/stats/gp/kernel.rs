@@ -3,7 +3,7 @@
 //! Takes exponents −½s, which is what the loops of `stats::kernels` give, a vector at a time; gives correlations and
 //! their slopes. Knows nothing of points and of what is predicted.
 
-use crate::stats::kernels::exp_in_place;
+use crate::stats::kernels::{apply, combine, exp_in_place};
 use crate::stats::naming::named;
 
 /// How correlation falls with distance.
@@ -20,35 +20,38 @@ named!(Kernel, "kernel", SquaredExponential => "squared_exponential", Matern52 =
 impl Kernel {
     /// Turns exponents −½s into correlations k(s).
     pub fn correlate(self, exponents: &mut [f64]) {
-        match self {
-            Self::SquaredExponential => exp_in_place(exponents),
-            Self::Matern52 => {
-                let distances: Vec<f64> = exponents.iter().map(|&exponent| distance(exponent)).collect();
-                exponents.iter_mut().zip(&distances).for_each(|(exponent, distance)| *exponent = -distance);
-                exp_in_place(exponents);
-                exponents.iter_mut().zip(&distances).for_each(|(value, &distance)| *value *= polynomial(distance));
-            }
+        if self == Self::Matern52 {
+            apply(exponents, |exponent| -distance(exponent));
+            let negative = exponents.to_vec();
+            exp_in_place(exponents);
+            combine(exponents, &negative, |value, negative| value * polynomial(-negative));
+        } else {
+            exp_in_place(exponents);
         }
     }
 
-    /// −2 dk/ds over k at an exponent −½s: 1 for the squared exponential.
-    pub fn steepness(self, exponent: f64) -> f64 {
+    /// −2 dk/ds over k at exponents −½s: 1 for the squared exponential.
+    pub fn steepness(self, exponents: &[f64]) -> Vec<f64> {
+        let mut values = exponents.to_vec();
         match self {
-            Self::SquaredExponential => 1.0,
-            Self::Matern52 => {
+            Self::SquaredExponential => values.fill(1.0),
+            Self::Matern52 => apply(&mut values, |exponent| {
                 let distance = distance(exponent);
                 5.0 / 3.0 * (1.0 + distance) / polynomial(distance)
-            }
+            }),
         }
+        values
     }
 }
 
 /// √5 r from −½r²; rounding must not make its square negative.
+#[inline(always)]
 fn distance(exponent: f64) -> f64 {
     (-10.0 * exponent).max(0.0).sqrt()
 }
 
 /// 1 + √5 r + 5r²/3.
+#[inline(always)]
 fn polynomial(distance: f64) -> f64 {
     1.0 + distance * (1.0 + distance / 3.0)
 }

@@ -10,7 +10,7 @@
 pub mod kernel;
 pub mod likelihood;
 
-use super::kernels::{squared_distances, weighted_differences};
+use super::kernels::{apply, combine, squared_distances, weighted_differences};
 use super::linalg::{LinalgError, SpdFactor, dot};
 use super::points::Points;
 use kernel::Kernel;
@@ -151,7 +151,7 @@ impl GaussianProcess {
     /// σ_f² k(s) from exponents −½s.
     fn covariances_at(&self, mut exponents: Vec<f64>) -> Vec<f64> {
         self.form.kernel.correlate(&mut exponents);
-        exponents.iter_mut().for_each(|value| *value *= self.hyper.variance);
+        apply(&mut exponents, |value| value * self.hyper.variance);
         exponents
     }
 
@@ -163,9 +163,9 @@ impl GaussianProcess {
     /// The same and h = −2 σ_f² dk/ds, of which slopes are made.
     fn covariances_and_slopes(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let exponents = squared_distances(&self.columns, x, &self.a);
-        let steepness: Vec<f64> = exponents.iter().map(|&exponent| self.form.kernel.steepness(exponent)).collect();
+        let mut slopes = self.form.kernel.steepness(&exponents);
         let covariances = self.covariances_at(exponents);
-        let slopes = covariances.iter().zip(steepness).map(|(value, steepness)| value * steepness).collect();
+        combine(&mut slopes, &covariances, |steepness, value| value * steepness);
         (covariances, slopes)
     }
 
@@ -210,7 +210,7 @@ impl GaussianProcess {
     pub fn gradient_variance(&self, x: &[f64]) -> Vec<f64> {
         let (k, h) = self.covariances_and_slopes(x);
         let (_, information) = self.trend_gap(&k);
-        let prior = self.form.kernel.steepness(0.0) * self.hyper.variance;
+        let prior = self.form.kernel.steepness(&[0.0])[0] * self.hyper.variance;
         let one = |d: usize| {
             let slope = |(j, h): (usize, &f64)| -self.a[d] * (x[d] - self.training.points.row(j)[d]) * h;
             let slopes: Vec<f64> = h.iter().enumerate().map(slope).collect();
