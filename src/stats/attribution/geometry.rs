@@ -81,10 +81,46 @@ impl Whitened {
         )
     }
 
+    /// Calibration follows a whitened signature of an effect at `strength`: J̃ alone says how far, and a parameter that would leave
+    /// its bounds stops there, the one that is furthest beyond first.
+    pub(super) fn follow(&self, parameters: &[Parameter], strength: f64, vector: &DVector<f64>) -> Followed {
+        let mut stopped: Vec<Option<f64>> = vec![None; self.tangent.ncols()];
+        loop {
+            let geometry = Geometry::without(self, 0, |column| stopped[column].is_some());
+            let shift = |(column, stop): (usize, &Option<f64>)| stop.map(|stop| self.tangent.column(column) * stop);
+            let left = stopped.iter().enumerate().filter_map(shift).fold(vector.clone(), |left, shift| left + shift);
+            let mut moves = -(&geometry.inverse * &left);
+            let beyond = |(column, parameter): (usize, &Parameter)| {
+                let Parameter { value, lower, upper, .. } = *parameter;
+                let (width, asked) = (upper - lower, value + moves[column] * (upper - lower) * strength);
+                let stop = asked.clamp(lower, upper);
+                (stop != asked).then(|| ((asked - stop).abs() / width, column, (stop - value) / (width * strength)))
+            };
+            match parameters.iter().enumerate().filter_map(beyond).max_by(|a, b| a.0.total_cmp(&b.0)) {
+                Some((_, column, stop)) => stopped[column] = Some(stop),
+                None => {
+                    let stops = stopped.iter().enumerate().filter_map(|(column, stop)| Some((column, (*stop)?)));
+                    stops.for_each(|(column, stop)| moves[column] = stop);
+                    return Followed { geometry, moves, left };
+                }
+            }
+        }
+    }
+
     /// One geometry per choice of parameters that stay on their bound; the first is the unrestricted one.
     pub(super) fn geometries(&self) -> Vec<Geometry> {
         (0..1_usize << self.held.len()).map(|choice| Geometry::new(self, choice)).collect()
     }
+}
+
+/// Where calibration ends up that follows an effect.
+pub(super) struct Followed {
+    /// Of the parameters that did not stop at a bound.
+    pub geometry: Geometry,
+    /// Move of every column per unit of strength, in its own unit (P).
+    pub moves: DVector<f64>,
+    /// The signature and what the parameters that stopped add to it (M).
+    pub left: DVector<f64>,
 }
 
 /// The complement of the columns that are free to move.
@@ -100,9 +136,13 @@ pub(super) struct Geometry {
 
 impl Geometry {
     fn new(whitened: &Whitened, choice: usize) -> Self {
-        let dropped = |column: usize| {
+        Self::without(whitened, choice, |column| {
             whitened.held.iter().enumerate().any(|(i, held)| choice >> i & 1 == 1 && held.column == column)
-        };
+        })
+    }
+
+    /// With columns that do not move.
+    fn without(whitened: &Whitened, choice: usize, dropped: impl Fn(usize) -> bool) -> Self {
         let free: Vec<usize> = (0..whitened.tangent.ncols()).filter(|column| !dropped(*column)).collect();
         let tangent = whitened.tangent.select_columns(&free);
         let (range, inverse) = decompose(&tangent);
@@ -282,6 +322,32 @@ mod tests {
         assert_eq!(q.shape(), (9, 6));
         assert!((q.transpose() * &q - DMatrix::identity(6, 6)).amax() < 1e-14);
         assert!((q.transpose() * &a).amax() < 1e-13);
+    }
+
+    /// Two parameters of which the first hardly shows: it would have to move by 24 widths, stops at its bound after half a
+    /// width, and the second takes up what it then can.
+    #[test]
+    fn calibration_follows_an_effect_to_the_bounds() {
+        let parameter = |name: &str| Parameter { name: name.into(), value: 0.5, lower: 0.0, upper: 1.0, prior: None };
+        let parameters = [parameter("first"), parameter("second")];
+        let whitened = Whitened {
+            kept: vec![0, 1, 2],
+            factor: DMatrix::identity(3, 3),
+            residual: DVector::zeros(3),
+            tangent: DMatrix::from_row_slice(3, 2, &[0.1, 2.0, 0.0, 10.0, 0.0, 0.0]),
+            priors: Vec::new(),
+            held: Vec::new(),
+            condition: 1.0,
+        };
+        let signature = DVector::from_vec(vec![1.0, -1.0, 0.3]);
+        let followed = whitened.follow(&parameters, 2.0, &signature);
+        // The first moves by −0.25 a unit of strength; the second then solves 2 (0.975 + 2m) + 10 (−1 + 10m) = 0.
+        let second = 8.05 / 104.0;
+        assert!((followed.moves - DVector::from_vec(vec![-0.25, second])).amax() < 1e-14);
+        assert!((followed.left - DVector::from_vec(vec![0.975, -1.0, 0.3])).amax() < 1e-14);
+        assert_eq!(followed.geometry.evidence(), 2);
+        let free = whitened.follow(&parameters, 1e-3, &signature);
+        assert_eq!((free.geometry.evidence(), free.left), (1, signature));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::outcome::{
     Attribution, EffectReport, Member, ResidualRow, Sensitivity, Separation, Status, TestMethod, Verdict,
 };
 use super::proposals::{cosine, separation, usable, with_proposal};
-use super::{AttributionError, Candidate, Options, Parameter, Problem, RowKind, Signature};
+use super::{AttributionError, Candidate, Options, Problem, RowKind, Signature};
 use crate::stats::special;
 use nalgebra::{DMatrix, DVector};
 
@@ -26,7 +26,8 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let whitened = Whitened::new(problem, options)?;
     let geometries = whitened.geometries();
     let signatures: Vec<Curve> = problem.candidates.iter().map(|candidate| curve(&whitened, candidate)).collect();
-    let errors = signature_errors(problem, &whitened, &geometries[0], &signatures);
+    let slopes: Vec<DMatrix<f64>> = problem.jacobian_covariance.iter().map(|c| whitened.covariance(c)).collect();
+    let errors = signature_errors(problem, &whitened, (&geometries[0], &slopes), &signatures);
     let rules = problem
         .candidates
         .iter()
@@ -34,7 +35,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
         .collect();
     let mut machine = Machine::new(geometries, &whitened.held, &signatures, &errors, rules, *options);
     let visible: Vec<Visible> = (0..signatures.len())
-        .map(|k| Visible::new(&machine, &whitened, &problem.candidates[k], (&signatures[k], &errors[k]), k))
+        .map(|k| Visible::new((problem, &whitened, &slopes), &machine, (&signatures[k], &errors[k]), k))
         .collect();
     machine.rules.iter_mut().zip(&visible).for_each(|(rule, v)| rule.testable = v.status == Status::Testable);
     machine.s2 = relative_variance(&machine);
@@ -73,21 +74,22 @@ fn curve(whitened: &Whitened, candidate: &Candidate) -> Curve {
     Curve::new(candidate.signatures.iter().map(|s| s.strength).collect(), &vectors)
 }
 
-/// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, but not beyond its bounds,
-/// and an error δJ of the sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature
-/// was taken. The two moves all but cancel at the fitted strength, however far they lead; along a bent path they do so only
-/// there.
-fn signature_errors(problem: &Problem, whitened: &Whitened, geometry: &Geometry, signatures: &[Curve]) -> Vec<Errors> {
-    let columns: Vec<DMatrix<f64>> = problem.jacobian_covariance.iter().map(|c| whitened.covariance(c)).collect();
+/// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, and an error δJ of the
+/// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature was taken. The two moves
+/// all but cancel at the fitted strength, however far they lead; along a bent path they do so only there.
+fn signature_errors(
+    problem: &Problem,
+    whitened: &Whitened,
+    (geometry, slopes): (&Geometry, &[DMatrix<f64>]),
+    signatures: &[Curve],
+) -> Vec<Errors> {
     let of = |(candidate, curve): (&Candidate, &Curve)| {
         let known = whitened.covariance(&candidate.covariance);
         let at = |(signature, vector): (&Signature, &Vec<f64>)| {
             let moves = &geometry.inverse * DVector::from_column_slice(vector);
-            columns.iter().enumerate().fold(known.clone(), |error, (column, covariance)| {
-                let Parameter { value, lower, upper, .. } = problem.parameters[column];
-                let asked = value - moves[column] * (upper - lower) * signature.strength;
-                let step = (asked.clamp(lower, upper) - value) / signature.strength - signature.shift[column];
-                error + covariance * (step * step)
+            with_slopes(&known, slopes, |column| {
+                let parameter = &problem.parameters[column];
+                moves[column] * (parameter.upper - parameter.lower) + signature.shift[column]
             })
         };
         Errors {
@@ -96,6 +98,14 @@ fn signature_errors(problem: &Problem, whitened: &Whitened, geometry: &Geometry,
         }
     };
     problem.candidates.iter().zip(signatures).map(of).collect()
+}
+
+/// The covariance of a signature and, over the step from where it was taken to where the parameters end up, that of the slopes.
+fn with_slopes(known: &DMatrix<f64>, slopes: &[DMatrix<f64>], step: impl Fn(usize) -> f64) -> DMatrix<f64> {
+    slopes.iter().enumerate().fold(known.clone(), |error, (column, covariance)| {
+        let step = step(column);
+        error + covariance * (step * step)
+    })
 }
 
 /// s² of "other": the mean of τ²a² over the testable candidates, per direction.
@@ -115,24 +125,30 @@ struct Visible {
 
 impl Visible {
     fn new(
+        (problem, whitened, slopes): (&Problem, &Whitened, &[DMatrix<f64>]),
         machine: &Machine,
-        whitened: &Whitened,
-        candidate: &Candidate,
-        (signature, errors): (&Curve, &Errors),
+        (curve, errors): (&Curve, &Errors),
         k: usize,
     ) -> Self {
-        let (effect, geometry) = (&machine.effects[0][k], &machine.geometries[0]);
+        let (candidate, effect) = (&problem.candidates[k], &machine.effects[0][k]);
         let (size, raw_error) = (effect.judged_by(errors.fitted), whitened.covariance(&candidate.covariance));
-        let vector = DVector::from_column_slice(&signature.vectors[size.node]);
+        let signature = &candidate.signatures[size.node];
+        let vector = DVector::from_column_slice(&curve.vectors[size.node]);
         let full = vector.norm_squared();
         let full_norm2 = (full - raw_error.trace()).max(0.0);
         let visibility = if full_norm2 > 0.0 { (size.norm2 / full_norm2).min(1.0) } else { 0.0 };
         let level = machine.options.signature_level;
         let known = significance(&vector, &raw_error, full.max(f64::MIN_POSITIVE)) <= level;
-        let error = geometry.projected(&errors.each[size.node]);
+        // Calibration takes up of it what the bounds allow, and errs by the slopes over that way alone.
+        let followed = whitened.follow(&problem.parameters, signature.strength, &vector);
+        let error = with_slopes(&raw_error, slopes, |column| {
+            let parameter = &problem.parameters[column];
+            followed.moves[column] * (parameter.upper - parameter.lower) - signature.shift[column]
+        });
+        let (left, error) = (followed.geometry.basis.tr_mul(&followed.left), followed.geometry.projected(&error));
         // The better known of two signatures is a choice, for which a test pays.
         let choices = candidate.signatures.len().min(2) as f64;
-        let p = (choices * significance(&geometry.basis.tr_mul(&vector), &error, full)).min(1.0);
+        let p = (choices * significance(&left, &error, full)).min(1.0);
         let status = if let Err(why) = &candidate.testable {
             Status::NotTestable(why.clone())
         } else if known && visibility < machine.options.visibility && effect.reach() < REACH {
