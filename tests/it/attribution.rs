@@ -786,7 +786,7 @@ fn errors_of_the_sensitivities_count_within_the_bounds() {
         let factor = problem.covariance.clone().cholesky().expect("positive definite").l();
         let whiten = |a: &DMatrix<f64>| factor.solve_lower_triangular(a).expect("a positive diagonal");
         let inverse = whiten(&problem.jacobian).pseudo_inverse(1e-12).expect("a tolerance that is not negative");
-        let way = (inverse * whiten(&DMatrix::from_columns(&[signature.clone()])))[2];
+        let way = (inverse * whiten(&DMatrix::from_columns(std::slice::from_ref(&signature))))[2];
         assert!((1.0..100.0).contains(&(way.abs() * 10.0)), "{way} a unit of strength");
         // Over the whole way the error along the signature is 0.8 of it.
         let error = &signature * signature.transpose() * (0.64 / (way * way));
