@@ -28,7 +28,7 @@ pub const SUMMARY: &str = "report/summary.txt";
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "report",
-    version: 7,
+    version: 8,
     purpose: "one HTML file and one Markdown file",
     reads: &[
         &BOUNDS_RUNS,

@@ -9,6 +9,7 @@
 use super::optimise::Bounds;
 use super::points::Points;
 use crate::rng::Stream;
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -289,6 +290,13 @@ impl Sample {
         let p = marginals.len();
         (0..p).map(|i| (0..p).map(|j| if i == j { 1.0 } else { pair(i, j) }).collect()).collect()
     }
+
+    /// Covariance of the parameters, shape (n_parameters, n_parameters).
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let (marginals, correlations) = (self.marginals(), self.correlations());
+        let covariance = |i: usize, j: usize| correlations[i][j] * marginals[i].sd * marginals[j].sd;
+        DMatrix::from_fn(marginals.len(), marginals.len(), covariance)
+    }
 }
 
 #[cfg(test)]
@@ -313,6 +321,9 @@ mod tests {
             assert!((marginal.upper - marginal.lower - 3.92 * sd).abs() < 0.5 * sd, "{marginal:?}");
         }
         assert!((found.correlations()[0][1] - 0.9).abs() < 0.03);
+        let covariance = found.covariance();
+        assert!((covariance[(0, 1)] / 0.0045 - 1.0).abs() < 0.2 && covariance[(0, 1)] == covariance[(1, 0)]);
+        assert_eq!(covariance[(1, 1)].sqrt(), found.marginals()[1].sd);
     }
 
     /// The same walk: only its length depends on how many draws are asked for, and it stops at the first that is enough.

@@ -774,7 +774,8 @@ table! {
 }
 
 table! {
-    /// Error of every statistic before and after the effect was added, from DEM runs.
+    /// Error of every statistic before and after the effect was added, from DEM runs. The intervals of held-out means hold what the
+    /// data leave open in the parameters, those of fitted standard deviations the tails of the observables.
     pub struct BeforeAfterRow in "before_after" version 1 sorted by (measured, kpi, statistic) {
         /// Measured data set.
         measured: String ["1"],

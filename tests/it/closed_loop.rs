@@ -6,7 +6,9 @@
 //! targets, which a coarse set-up may not judge.
 
 use crate::support::{Study, shipped_setup};
-use granulake::tables::{AttributionRow, BeforeAfterRow, RecalibrationRow, VerdictRow};
+use granulake::store::table;
+use granulake::tables::{AttributionRow, BeforeAfterRow, DIAGNOSE_RUNS, RecalibrationRow, RunRow, VerdictRow};
+use std::collections::BTreeSet;
 
 const HEAD: &str = r#"
 [study]
@@ -94,6 +96,7 @@ fn hidden_effects_are_named_and_nothing_else_is() {
         assert_eq!((row.verdict.as_str(), row.effects.as_str()), ("effect", effect), "{name}: {}", row.sentence);
         strength_is_recovered(&study, name, effect, strength);
         errors_shrink(&study, name);
+        held_out_means_are_within(&study, name);
     }
     assert_eq!(verdict("plain").verdict, "no_detectable_discrepancy", "{}", verdict("plain").sentence);
     assert_eq!(verdict("foreign").verdict, "none_of_the_candidates", "{}", verdict("foreign").sentence);
@@ -125,4 +128,28 @@ fn errors_shrink(study: &Study, name: &str) {
     }
     assert!(count >= 6, "{name}: only {count} fitted means have an error");
     assert!(after < 0.5 * before, "{name}: {after} after, {before} before, over {count} means");
+}
+
+/// Held-out means are off by no more than twice the half width of an interval for which the held-out experiment was simulated at
+/// both ends of as many axes as parameters and strength are open, and nothing else was.
+fn held_out_means_are_within(study: &Study, name: &str) {
+    let runs: Vec<RunRow> = table::read(&study.path("artifacts"), &DIAGNOSE_RUNS).expect("a table");
+    let found: Vec<RecalibrationRow> = study.table();
+    for model in ["before", "after"] {
+        let of_model = found.iter().filter(|row| row.measured == name && row.model == model);
+        let open = of_model.filter(|row| row.standard_error > 0.0).count();
+        let label = format!("{name}/{model} leeway");
+        let of_model: Vec<&RunRow> = runs.iter().filter(|row| row.label == label).collect();
+        assert!(of_model.iter().all(|row| row.experiment == "hopper"), "{label}");
+        assert_eq!(of_model.iter().map(|row| row.point).collect::<BTreeSet<_>>().len(), 2 * open, "{label}");
+    }
+    let rows: Vec<BeforeAfterRow> = study.table();
+    let mut count = 0;
+    for row in rows.iter().filter(|row| row.measured == name && !row.fitted && row.statistic == "mean") {
+        let Some(error) = row.after_error_percent else { continue };
+        let half = row.after_upper_percent.expect("a limit") - error;
+        assert!(error.abs() < 2.0 * half, "{name}: {} {error} ± {half} %", row.kpi);
+        count += 1;
+    }
+    assert!(count >= 1, "{name}: no held-out mean has an error");
 }

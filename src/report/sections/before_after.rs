@@ -23,7 +23,8 @@ pub fn section(report: &Report) -> Section {
 const FITTED_TO_ALL: &str = "These parameters are those of the diagnosis: with many runs at the optimum they are fitted to \
     all statistics of the fitted tests at once, each weighed by its error. The calibrated parameters further up are fitted \
     to the KPIs alone with the paper's weights, so their errors differ from those here. With an effect \
-    that was switched on they and its strength are means over all that the data leave open. How far such standard errors \
+    that was switched on they and its strength are means over all that the data leave open. The intervals of held-out means \
+    hold that too, beside the scatter of runs and measurements. How far such standard errors \
     hold is measured on coarse data sets whose truth is known (docs/challenges.md).";
 
 fn data_set(report: &Report, measured: &str) -> Vec<Block> {

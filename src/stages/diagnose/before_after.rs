@@ -1,11 +1,14 @@
-//! Before and after: the calibrated model without and with the effect, both simulated anew, against every measurement.
+//! Before and after: the calibrated model without and with the effect, both simulated anew, against every measurement. Intervals of
+//! held-out means hold what the parameters leave open ([`super::leeway`]); fitted means the data themselves hold in place. Those of
+//! fitted scatters hold the tails of their observables.
 
 use super::Tables;
 use super::direct;
 use super::evidence::statistic;
-use super::joint::{Contender, Estimate};
+use super::joint::{Contender, Estimate, sds};
 use super::lab::Lab;
-use super::moments::{Batch, Moment};
+use super::leeway::Leeway;
+use super::moments::{Batch, Moment, Statistic};
 use super::verdict::Case;
 use crate::config::MeasuredSummary;
 use crate::stages::StageError;
@@ -15,30 +18,37 @@ use crate::stats::summary::{Summary, ln_sd, summarise};
 use crate::tables::list::{BeforeAfterRow, RecalibrationRow};
 use nalgebra::DVector;
 
-/// Both models with the runs of the fitted and of the held-out experiments.
+/// Runs of a model.
 struct Runs {
-    before: [Batch; 2],
-    after: Option<[Batch; 2]>,
+    fitted: Batch,
+    held_out: Batch,
+    /// The held-out experiment where else the parameters may be.
+    leeway: Leeway,
 }
 
 /// Recalibrates with the effect, simulates both models and adds the rows of `recalibration` and `before_after`.
 pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &mut Tables) -> Result<(), StageError> {
     let label = |model: &str| format!("{}/{model}", case.set.name);
     let held_out = direct::held_out(case.context, lab, label("before"), &case.optimum, &[])?;
-    let mut runs = Runs { before: [case.before.clone(), held_out], after: None };
-    let sd = case.optimum_covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
-    tables.recalibration.extend(parameter_rows(case, "before", &case.optimum, sd.as_slice(), &case.at_bound));
+    let leeway = Leeway::simulate(case, lab, "before", (&case.optimum, &case.optimum_covariance), None)?;
+    let before = Runs { fitted: case.before.clone(), held_out, leeway };
+    let sd = sds(&case.optimum_covariance);
+    tables.recalibration.extend(parameter_rows(case, "before", &case.optimum, &sd, &case.at_bound));
     let found = added.map(|contender| contender.estimate(case)).transpose()?.flatten();
+    let mut after = None;
     if let (Some(contender), Some(found)) = (added, found) {
         let effect = [(contender.name().to_owned(), found.strength)];
-        let fitted_runs = direct::batch(case.context, lab, label("after"), &found.u, &effect)?;
+        let fitted = direct::batch(case.context, lab, label("after"), &found.u, &effect)?;
         let held_out = direct::held_out(case.context, lab, label("after"), &found.u, &effect)?;
-        runs.after = Some([fitted_runs, held_out]);
-        tables.recalibration.extend(parameter_rows(case, "after", &found.u, &found.sd, &found.at_bound));
+        let x = found.u.clone().push(contender.place(found.strength));
+        let leeway = Leeway::simulate(case, lab, "after", (&x, &found.covariance), Some(contender.axis()))?;
+        after = Some(Runs { fitted, held_out, leeway });
+        tables.recalibration.extend(parameter_rows(case, "after", &found.u, &sds(&found.covariance), &found.at_bound));
         tables.recalibration.push(strength_row(case, contender, &found));
     }
     for summary in case.set.statistics() {
-        tables.before_after.extend([Moment::Mean, Moment::LnSd].map(|moment| row(case, &summary, moment, &runs)));
+        let row = |moment| row(case, &summary, moment, [Some(&before), after.as_ref()]);
+        tables.before_after.extend([Moment::Mean, Moment::LnSd].map(row));
     }
     Ok(())
 }
@@ -67,7 +77,7 @@ fn strength_row(case: &Case, contender: &Contender, found: &Estimate) -> Recalib
         model: "after".to_owned(),
         name: contender.name().to_owned(),
         value: found.strength,
-        standard_error: found.sd.last().map_or(0.0, |sd| contender.width() * sd),
+        standard_error: sds(&found.covariance).last().map_or(0.0, |sd| contender.width() * sd),
         unit: contender.unit().to_owned(),
         at_bound: found.at_bound.last().copied().unwrap_or(false),
     }
@@ -81,23 +91,34 @@ struct ErrorPercent {
     upper: Option<f64>,
 }
 
-fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, runs: &Runs) -> BeforeAfterRow {
-    let held_out = summary.experiment == case.context.config.validate.experiment.name();
+/// What a model says of a statistic.
+struct Found {
+    summary: Summary,
+    /// Variance that the parameters bring to the mean; `None` where that is not known.
+    open: Option<f64>,
+}
+
+fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, models: [Option<&Runs>; 2]) -> BeforeAfterRow {
+    let is_held_out = summary.experiment == case.context.config.validate.experiment.name();
     let statistic = statistic(summary, moment);
     let (shift, unsure) = case.evidence.offset.as_ref().and_then(|offset| offset.one(&statistic)).unwrap_or_default();
     let summary = &without(summary, moment, shift);
     let confidence = case.context.config.statistics.confidence;
-    let found = |batches: &[Batch; 2]| {
-        let values: Vec<f64> = batches[usize::from(held_out)].series(&statistic)?.values().copied().collect();
-        Some(summarise(&values, confidence, case.context.config.statistics.convention))
+    let found = |runs: &Runs| {
+        let batch = if is_held_out { &runs.held_out } else { &runs.fitted };
+        let values: Vec<f64> = batch.series(&statistic)?.values().copied().collect();
+        let open = if is_held_out { runs.leeway.variance(&statistic) } else { Some(0.0) };
+        Some(Found { summary: summarise(&values, confidence, case.context.config.statistics.convention), open })
     };
-    let (before, after) = (found(&runs.before), runs.after.as_ref().and_then(found));
-    let value = |found: &Option<Summary>| {
-        found.as_ref().and_then(|found| finite(if moment == Moment::Mean { found.mean } else { found.sd }))
+    let [before, after] = models.map(|runs| runs.and_then(found));
+    let value = |found: &Option<Found>| {
+        let found = &found.as_ref()?.summary;
+        finite(if moment == Moment::Mean { found.mean } else { found.sd })
     };
-    let error = |found: &Option<Summary>| match found {
+    let spread = |n: usize| ln_sd_variance(case, &statistic, n);
+    let error = |found: &Option<Found>| match found {
         Some(found) if moment == Moment::Mean => mean_error(found, (summary, unsure), confidence),
-        Some(found) => sd_error(found, (summary, unsure), confidence),
+        Some(found) => sd_error(&found.summary, (summary, unsure), confidence, spread),
         None => ErrorPercent::default(),
     };
     let (first, second) = (error(&before), error(&after));
@@ -128,32 +149,46 @@ fn without(summary: &MeasuredSummary, moment: Moment, offset: f64) -> MeasuredSu
     }
 }
 
-/// Error of a mean with Welch's interval, widened by the variance of the offset. Where the measured mean does not stand out of the scatter, as for a
-/// left-minus-right difference, a percentage of it means nothing and is left out.
-fn mean_error(found: &Summary, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> ErrorPercent {
+/// Error of a mean with Welch's interval, widened by the variance of the offset and by what the parameters bring to it. Where the
+/// measured mean does not stand out of the scatter, as for a left-minus-right difference, a percentage of it means nothing and is
+/// left out.
+fn mean_error(found: &Found, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> ErrorPercent {
     if measured.mean.abs() < measured.sd {
         return ErrorPercent::default();
     }
+    let Found { summary: found, open } = found;
     let (n, m) = (found.n as f64, f64::from(measured.n));
     let (simulated, real) = (found.sd * found.sd / n, measured.sd * measured.sd / m);
     let variance = simulated + real;
     let dof = variance * variance / (simulated * simulated / (n - 1.0) + real * real / (m - 1.0));
-    let half = student_t_quantile(0.5 + 0.5 * confidence, dof) * (variance + unsure).sqrt();
+    let half = open.map(|open| student_t_quantile(0.5 + 0.5 * confidence, dof) * (variance + unsure + open).sqrt());
     let percent = |difference: f64| finite(100.0 * difference / measured.mean.abs());
     let difference = found.mean - measured.mean;
-    ErrorPercent { value: percent(difference), lower: percent(difference - half), upper: percent(difference + half) }
+    let limit = |sign: f64| half.and_then(|half| percent(difference + sign * half));
+    ErrorPercent { value: percent(difference), lower: limit(-1.0), upper: limit(1.0) }
 }
 
-/// Error of a standard deviation, with the interval of the difference of two bias-corrected ln s, widened in the same way.
-fn sd_error(found: &Summary, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> ErrorPercent {
-    let usable = found.n >= 2 && measured.n >= 2 && found.sd > 0.0 && measured.sd > 0.0;
+/// Variance of ln s of n values, with the tails of an observable that the fit sees; any other is taken to be normal.
+fn ln_sd_variance(case: &Case, statistic: &Statistic, n: usize) -> f64 {
+    let seen = case.evidence.statistics.iter().position(|known| known == statistic);
+    seen.map_or_else(|| 0.25 * trigamma(0.5 * (n as f64 - 1.0)), |i| case.shape.ln_sd_variance(i, n))
+}
+
+/// Error of a standard deviation, with the interval of the difference of two bias-corrected ln s, whose variances for n values
+/// are `spread`, widened in the same way.
+fn sd_error(
+    found: &Summary,
+    (measured, unsure): (&MeasuredSummary, f64),
+    confidence: f64,
+    spread: impl Fn(usize) -> f64,
+) -> ErrorPercent {
+    let (n, m) = (found.n, measured.n as usize);
+    let usable = n >= 2 && m >= 2 && found.sd > 0.0 && measured.sd > 0.0;
     if !usable {
         return ErrorPercent::default();
     }
-    let (simulated, real) = (ln_sd(found.sd, found.n), ln_sd(measured.sd, measured.n as usize));
-    let spread = |n: f64| 0.25 * trigamma(0.5 * (n - 1.0));
-    let variance = spread(found.n as f64) + spread(f64::from(measured.n)) + unsure;
-    let half = normal_quantile(0.5 + 0.5 * confidence) * variance.sqrt();
+    let (simulated, real) = (ln_sd(found.sd, n), ln_sd(measured.sd, m));
+    let half = normal_quantile(0.5 + 0.5 * confidence) * (spread(n) + spread(m) + unsure).sqrt();
     let percent = |difference: f64| finite(100.0 * (libm::exp(difference) - 1.0));
     let difference = simulated.value - real.value;
     ErrorPercent { value: percent(difference), lower: percent(difference - half), upper: percent(difference + half) }

@@ -37,6 +37,12 @@ pub fn batch(
     Ok(lab.run(&[Job { label, point, experiments: context.config.experiments(), repetitions }])?.remove(0))
 }
 
+/// Runs of the held-out experiment at `x`, as [`job`].
+pub fn held_out_job(context: &Context, named: (String, u32), x: &[f64], axis: Option<Axis>) -> Result<Job, StageError> {
+    let validate = context.config.validate;
+    Ok(Job { experiments: vec![validate.experiment], ..job(context, named, x, axis, validate.repetitions)? })
+}
+
 /// Runs of the held-out experiment at `u`.
 pub fn held_out(
     context: &Context,

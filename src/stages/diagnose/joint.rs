@@ -85,8 +85,8 @@ pub struct Estimate {
     pub u: DVector<f64>,
     /// Strength in its unit.
     pub strength: f64,
-    /// Standard deviations of the parameters and of the place of the strength in its range.
-    pub sd: Vec<f64>,
+    /// Covariance of the parameters and of the place of the strength in its range.
+    pub covariance: DMatrix<f64>,
     /// Whether the joint optimum lies on a bound, of the parameters and of the strength.
     pub at_bound: Vec<bool>,
 }
@@ -229,7 +229,7 @@ impl Contender {
         let ln_density = |x: &[f64]| {
             weights.ln_posterior(surface, &case.evidence.values, &parameters, &DVector::from_column_slice(x))
         };
-        let sd: Vec<f64> = sds(&fit).into_iter().map(|sd| sd.max(LEAST_START)).collect();
+        let sd: Vec<f64> = sds(&fit.covariance).into_iter().map(|sd| sd.max(LEAST_START)).collect();
         let mut stream = Stream::new(case.context.seed(&format!("strength {}", self.name())), "posterior walkers");
         let start = around(fit.parameters.as_slice(), &sd, walkers(sd.len()), &mut stream);
         self.draws = Some(sample(start, ln_density, Length::default(), stream));
@@ -257,11 +257,19 @@ impl Contender {
     pub fn estimate(&self, case: &Case) -> Result<Option<Estimate>, StageError> {
         let Some(JointFit { fit, u, strength }) = self.fit(case)? else { return Ok(None) };
         let at_bound = fit.at_bound.iter().map(Option::is_some).collect();
-        let Some(draws) = &self.draws else { return Ok(Some(Estimate { u, strength, sd: sds(&fit), at_bound })) };
-        let (means, sd): (Vec<f64>, Vec<f64>) = draws.marginals().iter().map(|m| (m.mean, m.sd)).unzip();
+        let Some(draws) = &self.draws else {
+            return Ok(Some(Estimate { u, strength, covariance: fit.covariance, at_bound }));
+        };
+        let means: Vec<f64> = draws.marginals().iter().map(|marginal| marginal.mean).collect();
         let (u, place) = means.split_at(u.len());
         let strength = strength_at(self.effect.range(), place[0]);
-        Ok(Some(Estimate { u: DVector::from_column_slice(u), strength, sd, at_bound }))
+        let covariance = draws.covariance();
+        Ok(Some(Estimate { u: DVector::from_column_slice(u), strength, covariance, at_bound }))
+    }
+
+    /// The place of a strength in its range.
+    pub fn place(&self, strength: f64) -> f64 {
+        place_of(self.effect.range(), strength)
     }
 
     /// Width of the range of the strength.
@@ -381,9 +389,9 @@ impl Contender {
     }
 }
 
-/// Standard deviations of a fit.
-fn sds(fit: &GlsFit) -> Vec<f64> {
-    fit.covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
+/// Standard deviations behind a covariance.
+pub fn sds(covariance: &DMatrix<f64>) -> Vec<f64> {
+    covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
 }
 
 /// The way of the parameters as the strength grows.

@@ -6,7 +6,8 @@
 //! named are simulated directly at their own optimum first (`joint`); the residual is attributed
 //! ([`crate::stats::attribution`]), less the model's own offset where the data have `controls`. An effect that is accepted is
 //! switched on, its strength calibrated together with the parameters, with runs along what the data leave open (`along`), and
-//! both models are simulated anew (`before_after`). The held-out experiment enters nothing of this but the last comparison.
+//! both models are simulated anew (`before_after`), the held-out experiment also where the parameters may be besides
+//! (`leeway`). The held-out experiment enters nothing of this but the last comparison.
 
 mod along;
 mod anchors;
@@ -18,6 +19,7 @@ mod evidence;
 mod fit;
 mod joint;
 mod lab;
+mod leeway;
 mod moments;
 mod panel;
 mod proposals;
@@ -44,7 +46,7 @@ use verdict::{Prepared, prepare};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 22,
+    version: 23,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
