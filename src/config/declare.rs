@@ -276,7 +276,12 @@ const PRIOR: &[Key] = &[
 ];
 
 const STATISTICS: &[Key] = &[
-    key("confidence", Kind::Number("1", 0.5, 0.9999), "0.95", "confidence of every interval"),
+    key(
+        "confidence",
+        Kind::Number("1", 0.5, 0.9999),
+        "0.95",
+        "confidence of the confidence intervals; credible intervals hold 95 %",
+    ),
     key(
         "convention",
         Kind::Choice(&["correct", "paper"]),

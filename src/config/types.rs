@@ -258,7 +258,7 @@ pub struct Prior {
 /// Intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Statistics {
-    /// Confidence of every interval.
+    /// Confidence of the confidence intervals.
     pub confidence: f64,
     /// Degrees of freedom.
     pub convention: Convention,

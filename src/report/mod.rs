@@ -77,7 +77,7 @@ pub struct Method {
 }
 
 /// Facts of the study that no table holds.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Study {
     /// Name, as in the file name.
     pub name: String,
@@ -91,6 +91,8 @@ pub struct Study {
     pub published: Option<String>,
     /// The calibration that the diagnosis starts from; where there is none, the summary picks the most complete one.
     pub method: Option<Method>,
+    /// Confidence of the confidence intervals [-].
+    pub confidence: f64,
     /// What the paper leaves open.
     pub assumptions: Vec<Assumption>,
     /// Where the study departs from the paper.
@@ -192,6 +194,11 @@ impl Report {
             .chain(residuals)
             .chain(before_after);
         all.map(String::as_str).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
+    /// What a confidence interval is called, as `95 % interval`.
+    fn interval_name(&self) -> String {
+        format!("{} % interval", (1e4 * self.study.confidence).round() / 100.0)
     }
 
     /// What a measured observable is there for.

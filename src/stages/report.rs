@@ -85,6 +85,7 @@ fn settings_text(config: &Config) -> SettingsText {
         "setup",
         "measured",
         "diagnose.kind",
+        "statistics.confidence",
     ]));
     settings.extend(config.equipment_text(EXPERIMENTS));
     settings
@@ -168,6 +169,7 @@ fn study(config: &Config) -> report::Study {
         physics_version: dem::PHYSICS_VERSION.to_string(),
         published: config.measured.iter().find(|set| set.name == "paper").map(|set| set.name.clone()),
         method: Some(Method { kind, approach: "m".to_owned() }),
+        confidence: config.statistics.confidence,
         assumptions: assumptions(config.base_settings()),
         departures: departures(config.base_settings()),
     }

@@ -284,6 +284,24 @@ fn a_reason_for_failure_is_said_once() {
     assert_eq!(markdown(&report).matches(of_calibration).count(), 1);
 }
 
+/// The study asks for 90 %; credible intervals of the parameters always hold 95 %.
+#[test]
+fn intervals_are_called_by_their_confidence() {
+    let text = visible(&html(&full()));
+    for said in [
+        "Bars are the",
+        "this study,",
+        "With",
+        "Mean with",
+        "in per cent, with",
+        "each with its",
+        "the coloured one the",
+    ] {
+        holds(&text, &format!("{said} 90 % interval"));
+    }
+    assert_eq!(text.matches("95 % interval").count(), text.matches("median [95 % interval]").count());
+}
+
 #[test]
 fn held_out_is_what_the_held_out_experiment_gives_and_nothing_else() {
     let mut report = full();

@@ -56,7 +56,7 @@ fn figure(report: &Report, rows: &[&BeforeAfterRow], statistic: &str) -> Figure 
         joined: true,
         ..RowChart::default()
     };
-    let caption = "Intervals are 95 %; one without an end cap goes on beyond the axis.".to_string();
+    let caption = format!("With {}; one without an end cap goes on beyond the axis.", report.interval_name());
     Figure { chart: chart.draw(), caption }
 }
 

@@ -280,14 +280,15 @@ fn scatter(report: &Report) -> Vec<Block> {
     }
     let intro = text(format!(
         "How the mean settles with repetitions, at design point {point}, the one nearest to the centre of the range. \
-         The grey band is ±1 % around the last mean, the coloured one the 95 % interval."
+         The grey band is ±1 % around the last mean, the coloured one the {}.",
+        report.interval_name()
     ));
     let rows = report.aggregates.iter().filter(|row| row.point == point && words::is_kpi(&row.kpi));
     vec![
         Block::Heading("Scatter between repetitions".to_string()),
         Block::Paragraph(intro),
         Block::Figures { legend: Vec::new(), figures: charts },
-        Block::Details { summary: "These means as a table".to_string(), blocks: vec![means(rows)] },
+        Block::Details { summary: "These means as a table".to_string(), blocks: vec![means(report, rows)] },
     ]
 }
 
@@ -326,10 +327,11 @@ fn mean_text(row: &AggregateRow) -> Cell {
     }
 }
 
-fn means<'a>(rows: impl Iterator<Item = &'a AggregateRow>) -> Block {
+fn means<'a>(report: &Report, rows: impl Iterator<Item = &'a AggregateRow>) -> Block {
     let mut rows: Vec<&AggregateRow> = rows.collect();
     rows.sort_by_key(|row| (words::rank(&row.kpi), row.n));
-    let table = Table::new("Mean with 95 % interval and standard deviation", &["KPI", "#n", "#mean", "#sd", "unit"]);
+    let caption = format!("Mean with {} and standard deviation", report.interval_name());
+    let table = Table::new(&caption, &["KPI", "#n", "#mean", "#sd", "unit"]);
     Block::Table(table.with_rows(rows.into_iter().map(|row| {
         let sd = optional(row.sd, |sd| significant(sd, 3), "needs two runs");
         vec![cell(words::title(&row.kpi)), cell(row.n.to_string()), mean_text(row), sd, cell(words::unit(&row.unit))]

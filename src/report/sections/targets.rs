@@ -33,7 +33,8 @@ fn targets(report: &Report, measured: &str) -> Vec<Block> {
     }
     rows.sort_by_key(|row| (words::rank(&row.kpi), row.experiment.as_str()));
     let headings = ["observable", "experiment", "role", "#n", "#mean", "#standard deviation", "unit"];
-    let table = Table::new("Measured mean and standard deviation with 95 % intervals", &headings);
+    let caption = format!("Measured mean and standard deviation, each with its {}", report.interval_name());
+    let table = Table::new(&caption, &headings);
     let mut blocks = vec![Block::Table(table.with_rows(rows.into_iter().map(row)))];
     if report.is_published(measured) {
         blocks.push(Block::Paragraph(slip()));
@@ -123,8 +124,11 @@ fn developments(report: &Report, measured: &str) -> Vec<Block> {
     let headings = ["observable", "#n", "#mean", "#standard deviation", "unit"];
     let table =
         Table::new("Measured mean and standard deviation of the first n repetitions", &headings).with_rows(rows);
-    let said = "How the measured mean and standard deviation settle with repetitions (as Fig. 6 of the paper). The grey \
-                band is ±1 % around the last mean, the coloured one the 95 % interval.";
+    let said = format!(
+        "How the measured mean and standard deviation settle with repetitions (as Fig. 6 of the paper). The grey band is \
+         ±1 % around the last mean, the coloured one the {}.",
+        report.interval_name()
+    );
     vec![
         Block::Paragraph(text(said)),
         Block::Figures { legend: Vec::new(), figures },

@@ -28,7 +28,7 @@ fn data_set(report: &Report, measured: &str) -> Vec<Block> {
     let published = report.is_published(measured);
     let last = latest(&own);
     let mut blocks: Vec<Block> = coarse_warning(report).filter(|_| published).into_iter().collect();
-    blocks.push(chart(&last, published));
+    blocks.push(chart(report, &last, published));
     let beside = if published { ", beside the paper's Table 9 (which has no SK)" } else { "" };
     blocks.push(table(&format!("Held-out observable at the calibrated parameters{beside}"), last, published));
     if published {
@@ -124,7 +124,7 @@ fn simulated(row: &ValidationRow) -> Cell {
     }
 }
 
-fn chart(rows: &[&ValidationRow], published: bool) -> Block {
+fn chart(report: &Report, rows: &[&ValidationRow], published: bool) -> Block {
     let kpis = ranked(rows.iter().map(|row| row.kpi.as_str()));
     let figures = kpis.into_iter().map(|kpi| {
         let own = rows.iter().filter(|row| row.kpi == kpi);
@@ -137,7 +137,7 @@ fn chart(rows: &[&ValidationRow], published: bool) -> Block {
         };
         Figure { chart: chart.draw(), caption: String::new() }
     });
-    let mut legend: Legend = vec![(0, "this study, 95 % interval".to_string())];
+    let mut legend: Legend = vec![(0, format!("this study, {}", report.interval_name()))];
     if published {
         legend.push((PAPER, super::from_paper()));
     }

@@ -67,19 +67,15 @@ fn before_after(report: &Report, verdict: &VerdictRow) -> Block {
         return nothing_added(verdict);
     }
     let switched = is_switched(&rows);
-    let caption = match switched {
-        true => {
-            "Error of the model fitted to all statistics against the measurement in per cent, with 95 % interval, without \
-             and with the effect; what moves further off zero is marked"
-        }
-        false => {
-            "Error of the model fitted to all statistics against the measurement in per cent, with 95 % interval; no \
-             effect was switched on"
-        }
+    let said = match switched {
+        true => ", without and with the effect; what moves further off zero is marked",
+        false => "; no effect was switched on",
     };
+    let error = "Error of the model fitted to all statistics against the measurement in per cent";
+    let caption = format!("{error}, with {}{said}", report.interval_name());
     let headings: &[&str] =
         if switched { &["KPI and statistic", "#before", "#after"] } else { &["KPI and statistic", "#error"] };
-    Block::Table(Table::new(caption, headings).with_rows(rows.into_iter().map(|r| row(report, r, switched))))
+    Block::Table(Table::new(&caption, headings).with_rows(rows.into_iter().map(|r| row(report, r, switched))))
 }
 
 /// Was an effect switched on, so that there is an after?

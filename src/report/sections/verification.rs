@@ -21,9 +21,6 @@ pub fn section(report: &Report) -> Section {
     Section { id: "verification", title: "Verification: DEM at the optima".to_string(), blocks }
 }
 
-const SCATTER: &str = "Bars are 95 % intervals of the simulated mean; on the dashed line prediction and simulation agree, \
-                       on the dotted one the simulation gives the measured mean.";
-
 fn data_set(report: &Report, measured: &str) -> Vec<Block> {
     let own: Vec<&VerificationRow> = report.verification.iter().filter(|row| row.measured == measured).collect();
     if own.is_empty() {
@@ -32,7 +29,12 @@ fn data_set(report: &Report, measured: &str) -> Vec<Block> {
     let published = report.is_published(measured);
     let (last, others): (Vec<&VerificationRow>, Vec<&VerificationRow>) =
         latest(&own).into_iter().partition(|row| words::is_kpi(&row.kpi));
-    let mut blocks = vec![Block::Paragraph(text(SCATTER)), scatters(&last)];
+    let said = format!(
+        "Bars are the {} of the simulated mean; on the dashed line prediction and simulation agree, on the dotted one the \
+         simulation gives the measured mean.",
+        report.interval_name()
+    );
+    let mut blocks = vec![Block::Paragraph(text(said)), scatters(&last)];
     blocks.push(against_prediction("Simulated against predicted mean", last.clone()));
     blocks.extend(trained_on(report, &last));
     if published {

@@ -58,6 +58,7 @@ fn study() -> Study {
         physics_version: "1".into(),
         published: Some("paper".into()),
         method: Some(Method { kind: "sk".into(), approach: "mv".into() }),
+        confidence: 0.9,
         assumptions: vec![
             Assumption {
                 name: "pile.depth".into(),
