@@ -17,6 +17,11 @@ pub(super) fn cholesky(matrix: &mut [f64], n: usize) -> bool {
     Arch::new().dispatch(Factorise { matrix, n })
 }
 
+/// x ← L⁻¹ x by forward substitution. `lower` holds as many columns as x has numbers.
+pub(super) fn solve_lower(lower: &[f64], x: &mut [f64]) {
+    Arch::new().dispatch(SolveLower { lower, x });
+}
+
 /// L⁻¹ into `inverse`, which must be zero: the forward substitution of every unit vector. Both hold n columns.
 pub(super) fn invert_lower(lower: &[f64], inverse: &mut [f64], n: usize) {
     Arch::new().dispatch(InvertLower { lower, inverse, n });
@@ -38,9 +43,9 @@ pub(in crate::stats) fn apply(values: &mut [f64], f: impl Fn(f64) -> f64) {
     Arch::new().dispatch(Apply { values, f });
 }
 
-/// x ← f(x, y), likewise.
-pub(in crate::stats) fn combine(values: &mut [f64], others: &[f64], f: impl Fn(f64, f64) -> f64) {
-    Arch::new().dispatch(Combine { values, others, f });
+/// (x, y) ← f(x, y), likewise.
+pub(in crate::stats) fn apply_to_both(values: &mut [f64], others: &mut [f64], f: impl Fn(f64, f64) -> (f64, f64)) {
+    Arch::new().dispatch(ApplyToBoth { values, others, f });
 }
 
 /// −½ Σ_d a_d (x_d − p_jd)² of every point p_j, summed in the order of d. `columns` holds the coordinates of all points one
@@ -51,9 +56,10 @@ pub(in crate::stats) fn squared_distances(columns: &[f64], x: &[f64], a: &[f64])
     exponents
 }
 
-/// Σ_j w_j (x_d − p_jd) for every d, summed in the order of j. `columns` as in [`squared_distances`].
-pub(in crate::stats) fn weighted_differences(columns: &[f64], x: &[f64], w: &[f64]) -> Vec<f64> {
+/// Σ_j v_j w_j (x_d − p_jd) for every d, summed in the order of j. `columns` as in [`squared_distances`].
+pub(in crate::stats) fn weighted_differences(columns: &[f64], x: &[f64], v: &[f64], w: &[f64]) -> Vec<f64> {
     let n = w.len();
+    let v = &v[..n];
     let mut sums = vec![0.0; x.len()];
     for (block, (sums, x)) in sums.chunks_mut(PANEL).zip(x.chunks(PANEL)).enumerate() {
         // Lanes beyond the last parameter repeat the first one and are thrown away: the sums of a panel do not wait for each other.
@@ -62,8 +68,9 @@ pub(in crate::stats) fn weighted_differences(columns: &[f64], x: &[f64], w: &[f6
         let (p, x) = ([column(0), column(1), column(2), column(3)], [x[0], x[lane(1)], x[lane(2)], x[lane(3)]]);
         let mut panel = [0.0; PANEL];
         for j in 0..n {
+            let weight = v[j] * w[j];
             for l in 0..PANEL {
-                panel[l] += w[j] * (x[l] - p[l][j]);
+                panel[l] += weight * (x[l] - p[l][j]);
             }
         }
         sums.copy_from_slice(&panel[..sums.len()]);
@@ -87,7 +94,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// x ← x − factor · y.
 #[inline(always)]
-pub(super) fn subtract_scaled(x: &mut [f64], factor: f64, y: &[f64]) {
+fn subtract_scaled(x: &mut [f64], factor: f64, y: &[f64]) {
     for (target, source) in x.iter_mut().zip(y) {
         *target -= factor * source;
     }
@@ -144,6 +151,21 @@ impl WithSimd for Factorise<'_> {
             column[1..].iter_mut().for_each(|entry| *entry /= root);
         }
         true
+    }
+}
+
+struct SolveLower<'a> {
+    lower: &'a [f64],
+    x: &'a mut [f64],
+}
+
+impl WithSimd for SolveLower<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.x.len();
+        substitute(self.lower, self.x, n, 0);
     }
 }
 
@@ -262,13 +284,32 @@ impl WithSimd for SquaredDistances<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self { columns, x, a, exponents } = self;
-        for ((column, x), a) in columns.chunks_exact(exponents.len().max(1)).zip(x).zip(a) {
+        let (n, rest) = (exponents.len(), x.len() % PANEL);
+        for first in (0..x.len() - rest).step_by(PANEL) {
+            let [p, q, r, s] = panel(columns, n, first, 0);
+            let ([x, y, z, w], [a, b, c, d]) = (four(&x[first..]), four(&a[first..]));
+            for j in 0..n {
+                exponents[j] = exponents[j]
+                    + a * (x - p[j]) * (x - p[j])
+                    + b * (y - q[j]) * (y - q[j])
+                    + c * (z - r[j]) * (z - r[j])
+                    + d * (w - s[j]) * (w - s[j]);
+            }
+        }
+        for k in x.len() - rest..x.len() {
+            let (x, a, column) = (x[k], a[k], &columns[k * n..(k + 1) * n]);
             for (sum, p) in exponents.iter_mut().zip(column) {
                 *sum += a * (x - p) * (x - p);
             }
         }
         exponents.iter_mut().for_each(|sum| *sum *= -0.5);
     }
+}
+
+/// The first four numbers.
+#[inline(always)]
+fn four(numbers: &[f64]) -> [f64; PANEL] {
+    [numbers[0], numbers[1], numbers[2], numbers[3]]
 }
 
 struct Apply<'a, F> {
@@ -285,18 +326,18 @@ impl<F: Fn(f64) -> f64> WithSimd for Apply<'_, F> {
     }
 }
 
-struct Combine<'a, F> {
+struct ApplyToBoth<'a, F> {
     values: &'a mut [f64],
-    others: &'a [f64],
+    others: &'a mut [f64],
     f: F,
 }
 
-impl<F: Fn(f64, f64) -> f64> WithSimd for Combine<'_, F> {
+impl<F: Fn(f64, f64) -> (f64, f64)> WithSimd for ApplyToBoth<'_, F> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.values.iter_mut().zip(self.others).for_each(|(value, other)| *value = (self.f)(*value, *other));
+        self.values.iter_mut().zip(self.others).for_each(|(value, other)| (*value, *other) = (self.f)(*value, *other));
     }
 }
 
@@ -390,14 +431,15 @@ mod tests {
         for (n, dimension) in [(1, 1), (7, 3), (33, 4), (20, 5), (9, 9)] {
             let mut stream = Stream::new(n as u64, "distances");
             let mut normals = |count: usize| (0..count).map(|_| stream.normal()).collect::<Vec<f64>>();
-            let (columns, x, a, w) = (normals(n * dimension), normals(dimension), normals(dimension), normals(n));
-            let (exponents, sums) = (squared_distances(&columns, &x, &a), weighted_differences(&columns, &x, &w));
+            let (columns, x, a) = (normals(n * dimension), normals(dimension), normals(dimension));
+            let (v, w) = (normals(n), normals(n));
+            let (exponents, sums) = (squared_distances(&columns, &x, &a), weighted_differences(&columns, &x, &v, &w));
             for j in 0..n {
                 let terms = (0..dimension).map(|d| a[d] * (x[d] - columns[d * n + j]) * (x[d] - columns[d * n + j]));
                 assert_eq!(exponents[j], -0.5 * terms.sum::<f64>());
             }
             for d in 0..dimension {
-                assert_eq!(sums[d], (0..n).map(|j| w[j] * (x[d] - columns[d * n + j])).sum::<f64>());
+                assert_eq!(sums[d], (0..n).map(|j| v[j] * w[j] * (x[d] - columns[d * n + j])).sum::<f64>());
             }
         }
     }

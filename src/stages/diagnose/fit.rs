@@ -249,7 +249,7 @@ fn lack(model: &Metamodel, observations: &Observations) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     for (index, point) in observations.points.rows().enumerate() {
         let (n, s) = (observations.counts[index], observations.sds[index]);
-        let Some(predicted) = model.predict(point).sd.filter(|sd| n >= 2 && s > 0.0 && sd.value > 0.0) else {
+        let Some(predicted) = model.response(point).sd.filter(|sd| n >= 2 && s > 0.0 && sd.value > 0.0) else {
             continue;
         };
         let (off, v) = (ln_sd(s, n).value - libm::log(predicted.value), 0.25 * trigamma(0.5 * (n as f64 - 1.0)));

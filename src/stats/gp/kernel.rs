@@ -3,7 +3,7 @@
 //! Takes exponents −½s, which is what the loops of `stats::kernels` give, a vector at a time; gives correlations and
 //! their slopes. Knows nothing of points and of what is predicted.
 
-use crate::stats::kernels::{apply, combine, exp_in_place};
+use crate::stats::kernels::{apply, apply_to_both, exp_in_place};
 use crate::stats::naming::named;
 
 /// How correlation falls with distance.
@@ -21,26 +21,34 @@ impl Kernel {
     /// Turns exponents −½s into correlations k(s).
     pub fn correlate(self, exponents: &mut [f64]) {
         if self == Self::Matern52 {
-            apply(exponents, |exponent| -distance(exponent));
-            let negative = exponents.to_vec();
-            exp_in_place(exponents);
-            combine(exponents, &negative, |value, negative| value * polynomial(-negative));
+            let mut negative = self.decay(exponents);
+            apply_to_both(exponents, &mut negative, |value, negative| (value * polynomial(-negative), negative));
         } else {
             exp_in_place(exponents);
         }
     }
 
-    /// −2 dk/ds over k at exponents −½s: 1 for the squared exponential.
-    pub fn steepness(self, exponents: &[f64]) -> Vec<f64> {
-        let mut values = exponents.to_vec();
+    /// The same, and gives −2 dk/ds over k: 1 for the squared exponential.
+    pub fn correlate_with_steepness(self, exponents: &mut [f64]) -> Vec<f64> {
+        let mut steepness = self.decay(exponents);
         match self {
-            Self::SquaredExponential => values.fill(1.0),
-            Self::Matern52 => apply(&mut values, |exponent| {
-                let distance = distance(exponent);
-                5.0 / 3.0 * (1.0 + distance) / polynomial(distance)
+            Self::SquaredExponential => steepness.fill(1.0),
+            Self::Matern52 => apply_to_both(exponents, &mut steepness, |value, negative| {
+                let polynomial = polynomial(-negative);
+                (value * polynomial, 5.0 / 3.0 * (1.0 - negative) / polynomial)
             }),
         }
-        values
+        steepness
+    }
+
+    /// Turns exponents −½s into the exponential factor of k(s), and gives its exponents.
+    fn decay(self, exponents: &mut [f64]) -> Vec<f64> {
+        if self == Self::Matern52 {
+            apply(exponents, |exponent| -distance(exponent));
+        }
+        let of_factor = exponents.to_vec();
+        exp_in_place(exponents);
+        of_factor
     }
 }
 

@@ -126,8 +126,7 @@ impl<'a> Likelihood<'a> {
     pub fn value_and_gradient(&self, hyper: &Hyperparameters) -> (f64, Vec<f64>) {
         let kernel = self.form.kernel;
         let mut correlations = self.exponents(hyper);
-        let mut slopes = kernel.steepness(&correlations);
-        kernel.correlate(&mut correlations);
+        let mut slopes = kernel.correlate_with_steepness(&mut correlations);
         let Ok(fit) = self.condition_with(&correlations, hyper.variance) else {
             return (f64::NEG_INFINITY, vec![0.0; hyper.log10_a.len() + 1]);
         };

@@ -10,7 +10,7 @@
 pub mod kernel;
 pub mod likelihood;
 
-use super::kernels::{apply, combine, squared_distances, weighted_differences};
+use super::kernels::{apply, apply_to_both, squared_distances, weighted_differences};
 use super::linalg::{LinalgError, SpdFactor, dot};
 use super::points::Points;
 use kernel::Kernel;
@@ -145,14 +145,10 @@ impl GaussianProcess {
 
     /// σ_f² k(x, p_j) of points p_j whose coordinates stand one parameter after the other.
     pub fn covariances_with(&self, columns: &[f64], x: &[f64]) -> Vec<f64> {
-        self.covariances_at(squared_distances(columns, x, &self.a))
-    }
-
-    /// σ_f² k(s) from exponents −½s.
-    fn covariances_at(&self, mut exponents: Vec<f64>) -> Vec<f64> {
-        self.form.kernel.correlate(&mut exponents);
-        apply(&mut exponents, |value| value * self.hyper.variance);
-        exponents
+        let mut covariances = squared_distances(columns, x, &self.a);
+        self.form.kernel.correlate(&mut covariances);
+        apply(&mut covariances, |value| value * self.hyper.variance);
+        covariances
     }
 
     /// σ_f² k(x, x_j) for every training point.
@@ -162,17 +158,18 @@ impl GaussianProcess {
 
     /// The same and h = −2 σ_f² dk/ds, of which slopes are made.
     fn covariances_and_slopes(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let exponents = squared_distances(&self.columns, x, &self.a);
-        let mut slopes = self.form.kernel.steepness(&exponents);
-        let covariances = self.covariances_at(exponents);
-        combine(&mut slopes, &covariances, |steepness, value| value * steepness);
+        let mut covariances = squared_distances(&self.columns, x, &self.a);
+        let mut slopes = self.form.kernel.correlate_with_steepness(&mut covariances);
+        apply_to_both(&mut covariances, &mut slopes, |value, steepness| {
+            let value = value * self.hyper.variance;
+            (value, value * steepness)
+        });
         (covariances, slopes)
     }
 
     /// Σ_j weights_j ∂k(x, x_j)/∂x_d for every d, with ∂k_j/∂x_d = −a_d (x_d − x_jd) h_j.
     fn slopes(&self, x: &[f64], h: &[f64], weights: &[f64]) -> Vec<f64> {
-        let weighted: Vec<f64> = weights.iter().zip(h).map(|(weight, h)| weight * h).collect();
-        let sums = weighted_differences(&self.columns, x, &weighted);
+        let sums = weighted_differences(&self.columns, x, weights, h);
         sums.iter().zip(&self.a).map(|(sum, a)| -a * sum).collect()
     }
 
@@ -187,6 +184,18 @@ impl GaussianProcess {
         (self.fit.beta + dot(&k, &self.fit.alpha), self.slopes(x, &h, &self.fit.alpha))
     }
 
+    /// Var f(x) alone, eq. 9: half of the work of [`GaussianProcess::predict`].
+    pub fn variance(&self, x: &[f64]) -> f64 {
+        let k = self.covariances(x);
+        self.variance_of(&self.fit.factor.half_solve(&k), self.trend_gap(&k))
+    }
+
+    /// σ_f² − kᵀK⁻¹k from L⁻¹k, with the share of an estimated β.
+    fn variance_of(&self, half: &[f64], (gap, information): (f64, f64)) -> f64 {
+        let trend = if information > 0.0 { gap * gap / information } else { 0.0 };
+        (self.hyper.variance - dot(half, half) + trend).max(0.0)
+    }
+
     /// Mean and variance of the latent f at `x`, with their gradients.
     pub fn predict(&self, x: &[f64]) -> Latent {
         let (k, h) = self.covariances_and_slopes(x);
@@ -196,10 +205,9 @@ impl GaussianProcess {
         let of_solved = self.slopes(x, &h, &solved);
         let of_trend = if information > 0.0 { self.slopes(x, &h, &self.fit.weights) } else { vec![0.0; x.len()] };
         let trend = |slope: f64| if information > 0.0 { gap * slope / information } else { 0.0 };
-        let trend_variance = if information > 0.0 { gap * gap / information } else { 0.0 };
         Latent {
             mean: self.fit.beta + dot(&k, &self.fit.alpha),
-            variance: (self.hyper.variance - dot(&half, &half) + trend_variance).max(0.0),
+            variance: self.variance_of(&half, (gap, information)),
             mean_gradient: self.slopes(x, &h, &self.fit.alpha),
             variance_gradient: of_solved.iter().zip(of_trend).map(|(s, t)| -2.0 * (s + trend(t))).collect(),
         }
@@ -210,7 +218,7 @@ impl GaussianProcess {
     pub fn gradient_variance(&self, x: &[f64]) -> Vec<f64> {
         let (k, h) = self.covariances_and_slopes(x);
         let (_, information) = self.trend_gap(&k);
-        let prior = self.form.kernel.steepness(&[0.0])[0] * self.hyper.variance;
+        let prior = self.form.kernel.correlate_with_steepness(&mut [0.0])[0] * self.hyper.variance;
         let one = |d: usize| {
             let slope = |(j, h): (usize, &f64)| -self.a[d] * (x[d] - self.training.points.row(j)[d]) * h;
             let slopes: Vec<f64> = h.iter().enumerate().map(slope).collect();

@@ -1,6 +1,6 @@
 //! Kind `ibm`: noiseless processes for the mean and for the scatter (paper, section 4.3).
 
-use super::part::{Frame, square_root};
+use super::part::Frame;
 use super::{Differentiable, Kind, MetamodelError, Options, Part, PartRecord, Prediction, Role, Scatter, Usable};
 use crate::stats::gp::TrainingSet;
 
@@ -51,11 +51,11 @@ impl Ibm {
 
     /// Mean by eq. 8; sd = cv·|mean| or the interpolated sd, at least 0; uncertainty by eq. 9.
     pub(super) fn predict(&self, x: &[f64]) -> Prediction {
-        let (mean, variance) = self.mean.predict(x);
+        let mean = self.mean.mean_with_gradient(x);
         let scatter = self.scatter.as_ref().map(|scatter| sd(scatter, &mean, x));
         let log_sd_error = scatter.as_ref().map_or(0.0, |(_, error)| *error);
         let sd = scatter.map(|(sd, _)| sd);
-        Prediction { sd, epistemic_sd: square_root(&variance).value, log_sd_error, mean }
+        Prediction { sd, epistemic_sd: self.mean.variance(x).sqrt(), log_sd_error, mean }
     }
 }
 
@@ -96,11 +96,11 @@ fn scatter_training(data: &Usable, scatter: Scatter, frame: &Frame) -> TrainingS
 ///
 /// The interpolant may swing below zero between points; an sd may not.
 fn sd(scatter: &Part, mean: &Differentiable, x: &[f64]) -> (Differentiable, f64) {
-    let (raw, variance) = scatter.predict(x);
+    let raw = scatter.mean_with_gradient(x);
     if raw.value <= 0.0 {
         return (Differentiable { value: 0.0, gradient: vec![0.0; x.len()] }, 0.0);
     }
-    let error = variance.value.sqrt() / raw.value;
+    let error = scatter.variance(x).sqrt() / raw.value;
     match scatter.record().reading.scatter {
         Scatter::Sd => (raw, error),
         Scatter::Cv => (times_mean(&raw, mean), error),

@@ -168,6 +168,11 @@ impl Part {
         }
     }
 
+    /// Latent variance at `x`, in the square of the unit of the observed quantity.
+    pub(super) fn variance(&self, x: &[f64]) -> f64 {
+        self.record.scale * self.record.scale * self.process.variance(x)
+    }
+
     /// Mean and latent variance at `x` with gradients, in the unit of the observed quantity and its square.
     pub(super) fn predict(&self, x: &[f64]) -> (Differentiable, Differentiable) {
         let (latent, scale) = (self.process.predict(x), self.record.scale);

@@ -6,7 +6,7 @@
 //!
 //! The sd of the KPI is √V̂(x), apart from the uncertainty of the mean. Nothing is divided by the mean.
 
-use super::part::{Frame, square_root};
+use super::part::Frame;
 use super::{
     Differentiable, Kind, MetamodelError, Options, Part, PartRecord, Prediction, Response, Role, Usable, mean_of,
 };
@@ -87,13 +87,9 @@ impl Sk {
     }
 
     pub(super) fn predict(&self, x: &[f64]) -> Prediction {
-        let (mean, variance) = self.mean.predict(x);
-        let none = || (no_scatter(x), 0.0);
-        let (sd, log_sd_error) = self.scatter.as_ref().map_or_else(none, |scatter| {
-            let (log_variance, error) = scatter.predict(x);
-            (sd(&log_variance), 0.5 * error.value.sqrt())
-        });
-        Prediction { mean, sd: Some(sd), epistemic_sd: square_root(&variance).value, log_sd_error }
+        let Response { mean, sd } = self.response(x);
+        let log_sd_error = self.scatter.as_ref().map_or(0.0, |scatter| 0.5 * scatter.variance(x).sqrt());
+        Prediction { mean, sd, epistemic_sd: self.mean.variance(x).sqrt(), log_sd_error }
     }
 }
 
