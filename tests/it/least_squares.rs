@@ -3,6 +3,7 @@
 use granulake::rng::Stream;
 use granulake::stats::attribution::{Bound, GlsOptions, Parameter, Prior, gls_fit};
 use nalgebra::{DMatrix, DVector};
+use std::cell::Cell;
 
 fn parameter(name: &str) -> Parameter {
     Parameter { name: name.into(), value: 0.5, lower: 0.0, upper: 1.0, prior: None }
@@ -69,4 +70,29 @@ fn gls_stops_at_a_bound_and_says_so() {
     started[0].value = 1.0;
     let fit = gls_fit(&model, &inside, &covariance, &started, &GlsOptions::default()).expect("a valid fit");
     assert!(fit.at_bound.iter().all(Option::is_none) && (fit.parameters[0] - 0.3).abs() < 1e-7 && fit.chi2 < 1e-12);
+}
+
+/// The angle of the point of an ellipse that is nearest to one far inside or outside. There the curvature that Gauss and Newton
+/// leave out is as large as what they keep: alone they overshoot, and need up to 117 evaluations from these starts.
+#[test]
+fn gls_settles_where_the_residual_is_large() {
+    let evaluations = Cell::new(0);
+    let ellipse = |theta: &DVector<f64>| {
+        evaluations.set(evaluations.get() + 1);
+        let (sin, cos) = (6.0 * theta[0] - 3.0).sin_cos();
+        (DVector::from_vec(vec![2.0 * cos, sin]), DMatrix::from_vec(2, 1, vec![-12.0 * sin, 6.0 * cos]))
+    };
+    for (x, y) in [(-3.0, 2.0), (0.4, 0.3), (9.0, -1.0), (0.2, 7.0), (-1.0, -0.1)] {
+        let data = DVector::from_vec(vec![x, y]);
+        let covariance = DMatrix::identity(2, 2);
+        for start in [0.1, 0.4, 0.62, 0.85] {
+            let started = [Parameter { value: start, ..parameter("angle") }];
+            evaluations.set(0);
+            let fit = gls_fit(ellipse, &data, &covariance, &started, &GlsOptions::default()).expect("a valid fit");
+            let slope = fit.jacobian.tr_mul(&fit.residual)[0];
+            let settled = fit.at_bound[0].is_some() || slope.abs() < 1e-6 * fit.jacobian.norm() * fit.residual.norm();
+            assert!(fit.converged && settled, "({x}, {y}) from {start}: {fit:?}");
+            assert!(evaluations.get() <= 15, "({x}, {y}) from {start}: {} evaluations", evaluations.get());
+        }
+    }
 }

@@ -1,7 +1,9 @@
 //! Generalised least squares: the parameters of a model whose predictions have a full covariance.
 //!
 //! Takes a function that gives f(θ) and J(θ), the data with Σ, and parameters with bounds and priors; gives θ̂ with its
-//! covariance. Levenberg and Marquardt's damping on the whitened problem; bounds by an active set inside each step.
+//! covariance. Newton's method on the whitened problem: to JᵀJ comes what Gauss and Newton leave out, the curvature of f weighed
+//! by the residual, as secants tell it (NL2SOL: Dennis, Gay & Welsch 1981), since without it a fit with a large residual
+//! creeps towards its minimum; Levenberg and Marquardt's damping; bounds by an active set inside each step.
 //! Finds the minimum near its start: starting from many points, and choosing Σ, are the caller's business.
 
 use super::geometry::{whiten, whiten_vector};
@@ -10,8 +12,13 @@ use nalgebra::{DMatrix, DVector};
 
 /// Relative singular value below which a direction of the parameters is not determined at all.
 const RANK_TOLERANCE: f64 = 1e-12;
-/// Largest damping tried before a step counts as impossible.
-const LARGEST_DAMPING: f64 = 1e12;
+/// Damping: the least that is not none, the largest tried before a step counts as impossible, and the factor by which it grows
+/// after a step that failed and shrinks after one that did not.
+const DAMPING: (f64, f64, f64) = (1e-3, 1e12, 10.0);
+/// Eigenvalue of the curvature, relative to the largest, below which a direction is left alone in a step.
+const FLAT: f64 = 1e-14;
+/// Relative change of the sum of squares that is as good as none.
+const NOISE: f64 = 1e-13;
 
 /// A bound of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,13 +85,16 @@ pub fn gls_fit(
     let start = DVector::from_fn(parameters.len(), |i, _| fit.inside(i, parameters[i].value));
     let mut state = fit.state(start)?;
     let (mut iterations, mut converged) = (0, false);
+    let (mut bend, mut damping) = (DMatrix::zeros(parameters.len(), parameters.len()), 0.0);
     while iterations < options.max_iterations && !converged {
-        let Some((next, step)) = fit.improve(&state)? else {
+        let Some((next, used)) = fit.improve(&state, &bend, damping, options.tolerance)? else {
             converged = true;
             break;
         };
         iterations += 1;
-        converged = step < options.tolerance;
+        converged = same(&next, &state);
+        bend = fit.bend(bend, &state, &next);
+        damping = if used > DAMPING.0 { used / DAMPING.2 } else { 0.0 };
         state = next;
     }
     Ok(fit.finish(state, iterations, converged))
@@ -164,34 +174,60 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
         Ok(State { theta, residual, jacobian, white_residual, tangent, chi2 })
     }
 
-    /// A point with a smaller sum of squares and the size of the step to it; `None` at a minimum.
-    fn improve(&self, state: &State) -> Result<Option<(State, f64)>, AttributionError> {
-        let mut damping = 0.0;
-        while damping < LARGEST_DAMPING {
-            let theta = self.step(state, damping);
+    /// The next point and the damping that led there from `start` on: one with a smaller sum of squares, or the last, whose sum is
+    /// the same as far as can be told. `None` where no step of the tolerance or more leads on.
+    fn improve(
+        &self,
+        state: &State,
+        bend: &DMatrix<f64>,
+        start: f64,
+        tolerance: f64,
+    ) -> Result<Option<(State, f64)>, AttributionError> {
+        let (mut damping, mut failed) = (start, false);
+        while damping < DAMPING.1 {
+            let theta = self.step(state, bend, damping);
             let change = (0..theta.len()).map(|i| (theta[i] - state.theta[i]).abs() / self.width(i));
-            let size = change.fold(0.0, f64::max);
-            if size == 0.0 {
-                return Ok(None);
+            let moves = change.fold(0.0, f64::max) >= tolerance;
+            let next = if moves { Some(self.state(theta)?) } else { None };
+            let ends = next.as_ref().is_none_or(|next| same(next, state));
+            match next {
+                // Damping that nothing has asked for yet may be all that keeps the step small.
+                _ if ends && damping > 0.0 && !failed => damping = 0.0,
+                Some(next) if ends || next.chi2 < state.chi2 => return Ok(Some((next, damping))),
+                Some(_) => (damping, failed) = ((DAMPING.2 * damping).max(DAMPING.0), true),
+                None => return Ok(None),
             }
-            let next = self.state(theta)?;
-            if next.chi2 < state.chi2 {
-                return Ok(Some((next, size)));
-            }
-            damping = if damping == 0.0 { 1e-3 } else { 10.0 * damping };
         }
         Ok(None)
     }
 
-    /// Damped Gauss–Newton step within the bounds: what would leave is set on its bound and the rest solved again.
-    fn step(&self, state: &State, damping: f64) -> DVector<f64> {
+    /// The curvature Σ r ∇²r after a step (NL2SOL's secant, sized): the symmetric matrix nearest to the last one that changes
+    /// J as the step did.
+    fn bend(&self, last: DMatrix<f64>, from: &State, to: &State) -> DMatrix<f64> {
+        let step = DVector::from_fn(from.theta.len(), |i, _| (to.theta[i] - from.theta[i]) / self.width(i));
+        let slope = from.tangent.tr_mul(&from.white_residual) - to.tangent.tr_mul(&to.white_residual);
+        let of_bend = (&from.tangent - &to.tangent).tr_mul(&to.white_residual);
+        let along = slope.dot(&step);
+        if along.is_nan() || along <= 0.0 {
+            return last;
+        }
+        let known = step.dot(&(&last * &step)).abs();
+        let size = if known > 0.0 { (step.dot(&of_bend).abs() / known).min(1.0) } else { 1.0 };
+        let sized = last * size;
+        let missing = of_bend - &sized * &step;
+        let (cross, share) = (&missing * slope.transpose() / along, missing.dot(&step) / (along * along));
+        sized + &cross + cross.transpose() - &slope * slope.transpose() * share
+    }
+
+    /// Damped Newton step within the bounds: what would leave is set on its bound and the rest solved again.
+    fn step(&self, state: &State, bend: &DMatrix<f64>, damping: f64) -> DVector<f64> {
         let p = self.parameters.len();
         let pressing = self.pressing(state);
         let mut fixed: Vec<Option<f64>> = pressing.iter().map(|bound| bound.map(|_| 0.0)).collect();
         loop {
             let free: Vec<usize> = (0..p).filter(|i| fixed[*i].is_none()).collect();
             let moved = DVector::from_fn(p, |i, _| fixed[i].unwrap_or(0.0));
-            let solution = solve(state, &free, &moved, damping);
+            let solution = solve(state, bend, &free, &moved, damping);
             let mut step = moved;
             free.iter().zip(solution.iter()).for_each(|(i, value)| step[*i] = *value);
             let target = |i: usize| state.theta[i] + step[i] * self.width(i);
@@ -244,29 +280,35 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
     }
 }
 
-/// Solves (JᵀJ + damping·diag JᵀJ)δ = Jᵀ(r − J·moved) over the free columns.
-fn solve(state: &State, free: &[usize], moved: &DVector<f64>, damping: f64) -> DVector<f64> {
-    let tangent = state.tangent.select_columns(free);
-    let target = &state.white_residual - &state.tangent * moved;
-    let (rows, p) = tangent.shape();
-    let norms: Vec<f64> = tangent.column_iter().map(|column| column.norm()).collect();
-    // Damping as extra rows keeps the condition number instead of squaring it.
-    let damped = DMatrix::from_fn(rows + p, p, |i, j| {
-        if i < rows {
-            tangent[(i, j)]
-        } else if i - rows == j {
-            damping.sqrt() * norms[j]
-        } else {
-            0.0
-        }
-    });
-    let padded = DVector::from_fn(rows + p, |i, _| if i < rows { target[i] } else { 0.0 });
-    if p == 0 {
+/// Whether two points have the same sum of squares as far as can be told.
+fn same(a: &State, b: &State) -> bool {
+    (a.chi2 - b.chi2).abs() <= NOISE * b.chi2
+}
+
+/// Solves (JᵀJ + S + damping·diag JᵀJ)δ = Jᵀ(r − J·moved) − S·moved over the free columns, S being the `bend`. Directions in which
+/// the sum of squares is curved downwards are taken as if it were curved upwards, so that every step leads down.
+fn solve(state: &State, bend: &DMatrix<f64>, free: &[usize], moved: &DVector<f64>, damping: f64) -> DVector<f64> {
+    if free.is_empty() {
         return DVector::zeros(0);
     }
-    let svd = damped.svd(true, true);
-    let floor = RANK_TOLERANCE * svd.singular_values.max();
-    svd.solve(&padded, floor).unwrap_or_else(|_| DVector::zeros(p))
+    let tangent = state.tangent.select_columns(free);
+    let downhill = state.tangent.tr_mul(&(&state.white_residual - &state.tangent * moved)) - bend * moved;
+    let norm = |column: usize| Some(tangent.column(column).norm()).filter(|norm| *norm > 0.0).unwrap_or(1.0);
+    let norms = DVector::from_fn(free.len(), |a, _| norm(a));
+    let squares = tangent.tr_mul(&tangent);
+    let scaled = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+        let curvature = (squares[(a, b)] + bend[(free[a], free[b])]) / (norms[a] * norms[b]);
+        if a == b { curvature + damping } else { curvature }
+    });
+    let eigen = scaled.symmetric_eigen();
+    let floor = FLAT * eigen.eigenvalues.amax();
+    let target = DVector::from_fn(free.len(), |a, _| downhill[free[a]] / norms[a]);
+    let shares = eigen.eigenvectors.tr_mul(&target);
+    let turned = DVector::from_fn(free.len(), |k, _| {
+        let curvature = eigen.eigenvalues[k].abs();
+        if curvature > floor { shares[k] / curvature } else { 0.0 }
+    });
+    (eigen.eigenvectors * turned).component_div(&norms)
 }
 
 /// (JᵀJ)⁻¹ over the determined directions, and the condition number of J.
