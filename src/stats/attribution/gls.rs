@@ -12,9 +12,12 @@ use nalgebra::{DMatrix, DVector};
 
 /// Relative singular value below which a direction of the parameters is not determined at all.
 const RANK_TOLERANCE: f64 = 1e-12;
-/// Damping: the least that is not none, the largest tried before a step counts as impossible, and the factor by which it grows
-/// after a step that failed and shrinks after one that did not.
-const DAMPING: (f64, f64, f64) = (1e-3, 1e12, 10.0);
+/// Least damping that is not none.
+const LEAST_DAMPING: f64 = 1e-3;
+/// Largest damping tried before a step counts as impossible.
+const LARGEST_DAMPING: f64 = 1e12;
+/// Factor by which damping grows after a step that failed and shrinks after one that did not.
+const DAMPING_FACTOR: f64 = 10.0;
 /// Eigenvalue of the curvature, relative to the largest, below which a direction is left alone in a step.
 const FLAT: f64 = 1e-14;
 /// Relative change of the sum of squares that is as good as none.
@@ -34,7 +37,8 @@ pub enum Bound {
 pub struct GlsOptions {
     /// Largest number of accepted steps (100).
     pub max_iterations: usize,
-    /// Step, relative to the width of the bounds, below which the fit has converged (1e-9).
+    /// Step, relative to the width of the bounds, below which the fit has converged (1e-9), if the sum of squares has not stopped
+    /// changing before.
     pub tolerance: f64,
 }
 
@@ -94,7 +98,7 @@ pub fn gls_fit(
         iterations += 1;
         converged = same(&next, &state);
         bend = fit.bend(bend, &state, &next);
-        damping = if used > DAMPING.0 { used / DAMPING.2 } else { 0.0 };
+        damping = if used > LEAST_DAMPING { used / DAMPING_FACTOR } else { 0.0 };
         state = next;
     }
     Ok(fit.finish(state, iterations, converged))
@@ -184,7 +188,7 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
         tolerance: f64,
     ) -> Result<Option<(State, f64)>, AttributionError> {
         let (mut damping, mut failed) = (start, false);
-        while damping < DAMPING.1 {
+        while damping < LARGEST_DAMPING {
             let theta = self.step(state, bend, damping);
             let change = (0..theta.len()).map(|i| (theta[i] - state.theta[i]).abs() / self.width(i));
             let moves = change.fold(0.0, f64::max) >= tolerance;
@@ -194,7 +198,7 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
                 // Damping that nothing has asked for yet may be all that keeps the step small.
                 _ if ends && damping > 0.0 && !failed => damping = 0.0,
                 Some(next) if ends || next.chi2 < state.chi2 => return Ok(Some((next, damping))),
-                Some(_) => (damping, failed) = ((DAMPING.2 * damping).max(DAMPING.0), true),
+                Some(_) => (damping, failed) = ((DAMPING_FACTOR * damping).max(LEAST_DAMPING), true),
                 None => return Ok(None),
             }
         }
