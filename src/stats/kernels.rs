@@ -460,6 +460,17 @@ mod tests {
             invert_lower(&wide, &mut inverses[0], n);
             InvertLower { lower: &wide, inverse: &mut inverses[1], n }.with_simd(Scalar);
             assert_eq!(inverses[0], inverses[1]);
+            let b: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
+            let mut solutions = [b.clone(), b.clone(), b];
+            solve_lower(&wide, &mut solutions[0]);
+            SolveLower { lower: &wide, x: &mut solutions[1] }.with_simd(Scalar);
+            for j in 0..n {
+                let column = &wide[j * n..(j + 1) * n];
+                solutions[2][j] /= column[j];
+                let value = solutions[2][j];
+                subtract_scaled(&mut solutions[2][j + 1..], value, &column[j + 1..]);
+            }
+            assert!(solutions[0] == solutions[1] && solutions[0] == solutions[2]);
             let mut products = [vec![0.0; n * n], vec![0.0; n * n]];
             square_of_inverse(&inverses[0], &mut products[0], n);
             SquareOfInverse { inverse: &inverses[0], product: &mut products[1], n }.with_simd(Scalar);

@@ -38,6 +38,7 @@ fn gradients_of_mean_and_variance_are_those_of_the_values() {
         let process = GaussianProcess::new(sample(25, 1), hyper(), form).unwrap();
         let x = [0.35, 0.8, 0.15];
         let here = process.predict(&x);
+        assert_eq!((process.mean_with_gradient(&x).0, process.variance(&x)), (here.mean, here.variance));
         assert!((here.mean - process.mean(&x)).abs() < 1e-13);
         for d in 0..P {
             let at = |value: f64| {
