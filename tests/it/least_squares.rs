@@ -73,7 +73,8 @@ fn gls_stops_at_a_bound_and_says_so() {
 }
 
 /// The angle of the point of an ellipse that is nearest to one far inside or outside. There the curvature that Gauss and Newton
-/// leave out is as large as what they keep: alone they overshoot, and need up to 117 evaluations from these starts.
+/// leave out is as large as what they keep: alone they overshoot, and need up to 117 evaluations
+/// from these starts (reckoned apart from this code).
 #[test]
 fn gls_settles_where_the_residual_is_large() {
     let evaluations = Cell::new(0);
