@@ -1,7 +1,7 @@
 //! Generalised least squares on synthetic models: coverage, bounds, bends.
 
 use granulake::rng::Stream;
-use granulake::stats::attribution::{AttributionError, Bound, GlsOptions, Parameter, Prior, gls_fit};
+use granulake::stats::attribution::{Bound, GlsOptions, Parameter, Prior, gls_fit};
 use nalgebra::{DMatrix, DVector};
 use std::cell::Cell;
 
@@ -34,7 +34,7 @@ fn gls_recovers_parameters_with_nominal_coverage() {
         let data = model(&truth).0 + &mix * DVector::from_fn(9, |_, _| stream.normal());
         parameters[2].prior = Some(Prior { mean: 0.55 + 0.05 * stream.normal(), sd: 0.05 });
         let fit = gls_fit(&model, &data, &covariance, &parameters, &GlsOptions::default()).expect("a valid fit");
-        assert_eq!(fit.dof, 7);
+        assert!(fit.converged && fit.dof == 7, "{fit:?}");
         chi2 += fit.chi2;
         for (i, hits) in covered.iter_mut().enumerate() {
             let sd = fit.covariance[(i, i)].sqrt();
@@ -92,23 +92,8 @@ fn gls_settles_where_the_residual_is_large() {
             let fit = gls_fit(ellipse, &data, &covariance, &started, &GlsOptions::default()).expect("a valid fit");
             let slope = fit.jacobian.tr_mul(&fit.residual)[0];
             let settled = fit.at_bound[0].is_some() || slope.abs() < 1e-6 * fit.jacobian.norm() * fit.residual.norm();
-            assert!(settled, "({x}, {y}) from {start}: {fit:?}");
+            assert!(fit.converged && settled, "({x}, {y}) from {start}: {fit:?}");
             assert!(evaluations.get() <= 15, "({x}, {y}) from {start}: {} evaluations", evaluations.get());
         }
     }
-}
-
-#[test]
-fn gls_that_does_not_come_to_an_end_is_an_error() {
-    let model = bent_model(&mut Stream::new(27, "gls end"));
-    let data = model(&DVector::from_vec(vec![0.3, 0.6, 0.9])).0;
-    let parameters = ["a", "b", "c"].map(parameter);
-    let stop_after = |max_iterations| {
-        let options = GlsOptions { max_iterations, ..GlsOptions::default() };
-        gls_fit(&model, &data, &DMatrix::identity(9, 9), &parameters, &options)
-    };
-    let needed = stop_after(1000).expect("a valid fit").iterations;
-    assert!(needed > 1);
-    assert!(stop_after(needed + 1).is_ok());
-    assert!(matches!(stop_after(1), Err(AttributionError::Endless(1))));
 }

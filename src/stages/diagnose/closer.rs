@@ -144,6 +144,7 @@ mod tests {
             residual: DVector::zeros(0),
             jacobian: DMatrix::zeros(0, p),
             iterations: 0,
+            converged: true,
         }
     }
 

@@ -35,7 +35,7 @@ pub enum Bound {
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GlsOptions {
-    /// Largest number of accepted steps (1000); one needs some ten.
+    /// Largest number of accepted steps (100).
     pub max_iterations: usize,
     /// Step, relative to the width of the bounds, below which the fit has converged (1e-9), if the sum of squares has not stopped
     /// changing before.
@@ -44,7 +44,7 @@ pub struct GlsOptions {
 
 impl Default for GlsOptions {
     fn default() -> Self {
-        Self { max_iterations: 1000, tolerance: 1e-9 }
+        Self { max_iterations: 100, tolerance: 1e-9 }
     }
 }
 
@@ -70,13 +70,14 @@ pub struct GlsFit {
     pub jacobian: DMatrix<f64>,
     /// Accepted steps.
     pub iterations: usize,
+    /// Whether the last step was below the tolerance.
+    pub converged: bool,
 }
 
 /// Minimises (y − f)ᵀΣ⁻¹(y − f) + Σ (θ − prior)²/sd² within the bounds, from `parameters[..].value`.
 ///
 /// # Errors
-/// [`AttributionError`] if sizes disagree, a value is not finite, bounds are reversed, Σ is not positive definite, or the largest
-/// number of steps does not suffice.
+/// [`AttributionError`] if sizes disagree, a value is not finite, bounds are reversed or Σ is not positive definite.
 pub fn gls_fit(
     model: impl Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>),
     data: &DVector<f64>,
@@ -87,19 +88,20 @@ pub fn gls_fit(
     let fit = Fit::new(model, data, covariance, parameters)?;
     let start = DVector::from_fn(parameters.len(), |i, _| fit.inside(i, parameters[i].value));
     let mut state = fit.state(start)?;
+    let (mut iterations, mut converged) = (0, false);
     let (mut bend, mut damping) = (DMatrix::zeros(parameters.len(), parameters.len()), 0.0);
-    for iterations in 0..options.max_iterations {
+    while iterations < options.max_iterations && !converged {
         let Some((next, used)) = fit.improve(&state, &bend, damping, options.tolerance)? else {
-            return Ok(fit.finish(state, iterations));
+            converged = true;
+            break;
         };
-        if same(&next, &state) {
-            return Ok(fit.finish(next, iterations + 1));
-        }
+        iterations += 1;
+        converged = same(&next, &state);
         bend = fit.bend(bend, &state, &next);
         damping = if used > LEAST_DAMPING { used / DAMPING_FACTOR } else { 0.0 };
         state = next;
     }
-    Err(AttributionError::Endless(options.max_iterations))
+    Ok(fit.finish(state, iterations, converged))
 }
 
 /// The fixed parts of a fit. Parameters are measured in widths of their bounds inside.
@@ -257,7 +259,7 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
         self.parameters.iter().enumerate().map(bound).collect()
     }
 
-    fn finish(&self, state: State, iterations: usize) -> GlsFit {
+    fn finish(&self, state: State, iterations: usize, converged: bool) -> GlsFit {
         let at_bound = self.pressing(&state);
         let free: Vec<usize> = (0..at_bound.len()).filter(|i| at_bound[*i].is_none()).collect();
         let (inverse, condition) = normal_inverse(&state.tangent.select_columns(&free));
@@ -277,6 +279,7 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
             residual: state.residual,
             jacobian: state.jacobian,
             iterations,
+            converged,
         }
     }
 }

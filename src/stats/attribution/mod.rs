@@ -291,9 +291,6 @@ pub enum AttributionError {
     /// More candidates than the outcome can hold.
     #[error("{0} candidate effects were given, at most 64 are possible")]
     TooManyCandidates(usize),
-    /// A fit has not come to its minimum.
-    #[error("a fit was not at its minimum after {0} steps")]
-    Endless(usize),
 }
 
 impl Problem {
