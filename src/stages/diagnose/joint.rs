@@ -209,7 +209,7 @@ impl Contender {
     /// Whether direct runs tell the strength from zero. One that is too small for a signature of theirs is judged by the model that
     /// knows them, since a signature of metamodels, taken at larger strengths, may gain what that model does not.
     fn is_told(&self, found: &JointFit) -> bool {
-        let sd = found.fit.covariance.diagonal().iter().last().map_or(0.0, |variance| variance.sqrt() * self.width());
+        let sd = sds(&found.fit.covariance).last().map_or(0.0, |sd| sd * self.width());
         let has_signature = self.share(found.strength) >= LEAST_TIED;
         self.has_strength(found) && (has_signature || found.strength.abs() >= TOLD * sd)
     }
