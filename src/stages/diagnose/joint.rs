@@ -36,8 +36,6 @@ const SHARES: [f64; 5] = [0.125, 0.25, 0.5, 0.75, 1.0];
 const LEAST_UNTIED: f64 = 0.25;
 /// The least share at which direct runs give a signature: below, the change is mostly the scatter of these runs.
 const LEAST_TIED: f64 = 0.125;
-/// Standard errors by which a strength that gives no signature must differ from zero.
-const TOLD: f64 = 1.96;
 
 /// The least standard deviation from which a walker starts, for parameters that a bound holds.
 const LEAST_START: f64 = 0.02;
@@ -204,14 +202,6 @@ impl Contender {
 
     fn has_strength(&self, found: &JointFit) -> bool {
         found.strength.abs() >= NOTHING * self.width()
-    }
-
-    /// Whether direct runs tell the strength from zero. One that is too small for a signature of theirs is judged by the model that
-    /// knows them, since a signature of metamodels, taken at larger strengths, may gain what that model does not.
-    fn is_told(&self, found: &JointFit) -> bool {
-        let sd = sds(&found.fit.covariance).last().map_or(0.0, |sd| sd * self.width());
-        let has_signature = self.share(found.strength) >= LEAST_TIED;
-        self.has_strength(found) && (has_signature || found.strength.abs() >= TOLD * sd)
     }
 
     /// The joint optimum over the model as it stands; `None` without a model.
@@ -385,7 +375,7 @@ impl Contender {
         if case.leaves_out(self.name()) {
             candidate.testable = Err(LEFT_OUT.to_owned());
         }
-        candidate.absent = self.absent || (self.is_tied() && !self.is_told(&found));
+        candidate.absent = self.absent || (self.is_tied() && !self.has_strength(&found));
         if self.was_run && !candidate.absent && !self.is_tied() {
             candidate.testable = Err("an observable could not be measured in the runs with it".to_owned());
             return Ok(candidate);
