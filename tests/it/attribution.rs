@@ -4,8 +4,8 @@
 
 use granulake::rng::Stream;
 use granulake::stats::attribution::{
-    Attribution, Candidate, Correlations, Nuisance, Options, Parameter, Prior, Problem, Proposal, Row, RowKind,
-    Signature, Status, TestMethod, Verdict, attribute,
+    Attribution, Candidate, Correlations, Nuisance, Options, Parameter, Presence, Prior, Problem, Proposal, Row,
+    RowKind, Signature, Status, TestMethod, Verdict, attribute,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -35,7 +35,7 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
         covariance: DMatrix::zeros(m, m),
         testable: Ok(()),
         fitted: 0.0,
-        absent: false,
+        presence: Presence::Present,
     }
 }
 
@@ -327,7 +327,7 @@ fn an_effect_whose_best_strength_is_zero_is_rejected_with_its_numbers() {
     let mut problem = world();
     problem.residual =
         calibrated(&problem, &(noise(&problem, &mut Stream::new(14, "absent")) + planted(&problem, 0, 6.0)));
-    problem.candidates[0].absent = true;
+    problem.candidates[0].presence = Presence::Absent;
     let options = Options { null_draws: 200, power_draws: 100, seed: 14, ..Options::default() };
     let report = attribute(&problem, &options).expect("a valid problem");
     let effect = &report.effects[0];
@@ -335,6 +335,39 @@ fn an_effect_whose_best_strength_is_zero_is_rejected_with_its_numbers() {
     assert!(effect.leftover == report.t0 && effect.strength_sd.is_finite() && effect.a > 0.0);
     assert!(effect.detection.iter().any(|limit| limit.strength.is_some()), "{:?}", effect.detection);
     assert!(!report.verdict.names().contains(&"cohesion"), "{:?}", report.verdict);
+}
+
+/// An alarm that only an untold effect explains is none; beside an effect that is told, it is no member of a class.
+#[test]
+fn an_effect_that_its_own_model_does_not_tell_from_zero_is_not_named() {
+    let mut problem = world();
+    let shift = planted(&problem, 0, 6.0);
+    problem.residual = calibrated(&problem, &(noise(&problem, &mut Stream::new(14, "untold")) + &shift));
+    let options = Options { null_draws: 200, power_draws: 100, seed: 14, ..Options::default() };
+    let judged = |problem: &Problem| attribute(problem, &options).expect("a valid problem");
+    let present = judged(&problem);
+    assert!(is_named(&present.verdict, "cohesion"), "{:?}", present.verdict);
+    problem.candidates[0].presence = Presence::Untold;
+    let untold = judged(&problem);
+    assert_eq!(untold.verdict, Verdict::NoDetectableDiscrepancy);
+    assert!(
+        untold.notes.iter().any(|note| note.contains("does not tell its strength from zero")),
+        "{:?}",
+        untold.notes
+    );
+    // Its numbers and its detection limit stay.
+    assert_eq!(untold.effects[0], present.effects[0]);
+    assert!(untold.sensitivity.iter().all(|other| other.verdict == Verdict::NoDetectableDiscrepancy));
+    // What imitates it is named alone.
+    problem.candidates[1].signatures = problem.candidates[0].signatures.clone();
+    assert!(is_named(&judged(&problem).verdict, "size"), "{:?}", judged(&problem).verdict);
+    problem.candidates[0].presence = Presence::Present;
+    assert_eq!(judged(&problem).verdict.names().len(), 2);
+    // What nothing explains stays an alarm.
+    let mut other = world();
+    other.residual = calibrated(&other, &(direction(&mut Stream::new(15, "other"), M) * 4.0));
+    other.candidates.iter_mut().for_each(|candidate| candidate.presence = Presence::Untold);
+    assert_eq!(judged(&other).verdict, Verdict::NoneOfTheCandidates);
 }
 
 #[test]

@@ -24,7 +24,7 @@ use crate::rng::Stream;
 use crate::settings::{Scope, Settings};
 use crate::stages::StageError;
 use crate::stages::models::Models;
-use crate::stats::attribution::{Candidate, GlsFit, Parameter, Signature};
+use crate::stats::attribution::{Candidate, GlsFit, Parameter, Presence, Signature};
 use crate::stats::ensemble::{Length, Sample, around, sample, walkers};
 use nalgebra::{DMatrix, DVector};
 
@@ -36,6 +36,8 @@ const SHARES: [f64; 5] = [0.125, 0.25, 0.5, 0.75, 1.0];
 const LEAST_UNTIED: f64 = 0.25;
 /// The least share at which direct runs give a signature: below, the change is mostly the scatter of these runs.
 const LEAST_TIED: f64 = 0.125;
+/// Standard errors from zero within which direct runs do not tell a strength from it (two-sided, 5 %).
+const TOLD: f64 = 1.96;
 
 /// The least standard deviation from which a walker starts, for parameters that a bound holds.
 const LEAST_START: f64 = 0.02;
@@ -198,6 +200,24 @@ impl Contender {
     fn noise(&self, case: &Case) -> DMatrix<f64> {
         let known = self.tie.as_ref().and_then(|tie| case.evidence.noise(&tie.batch, &case.shape));
         known.map_or_else(|| case.noise.covariance.clone(), |noise| noise.covariance)
+    }
+
+    /// What the runs with the effect say of its strength. One that gives a signature is told by the attribution itself; a smaller
+    /// one is judged by metamodels at larger strengths, which must not see more than the runs do.
+    fn presence(&self, found: &JointFit) -> Presence {
+        let sd = || self.width() * sds(&found.fit.covariance).last().copied().unwrap_or(0.0);
+        if self.absent || (self.is_tied() && !self.has_strength(found)) {
+            Presence::Absent
+        } else if self.is_tied() && !self.gives_signature(found) && found.strength.abs() < TOLD * sd() {
+            Presence::Untold
+        } else {
+            Presence::Present
+        }
+    }
+
+    /// Whether the direct runs at a strength give a signature.
+    fn gives_signature(&self, found: &JointFit) -> bool {
+        self.share(found.strength) >= LEAST_TIED
     }
 
     fn has_strength(&self, found: &JointFit) -> bool {
@@ -365,7 +385,7 @@ impl Contender {
             fitted: 0.0,
             covariance: DMatrix::zeros(m, m),
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
-            absent: false,
+            presence: Presence::Present,
         };
         let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(candidate) };
         if let Err(why) = self.shown_by(case) {
@@ -375,12 +395,12 @@ impl Contender {
         if case.leaves_out(self.name()) {
             candidate.testable = Err(LEFT_OUT.to_owned());
         }
-        candidate.absent = self.absent || (self.is_tied() && !self.has_strength(&found));
-        if self.was_run && !candidate.absent && !self.is_tied() {
+        candidate.presence = self.presence(&found);
+        if self.was_run && candidate.presence != Presence::Absent && !self.is_tied() {
             candidate.testable = Err("an observable could not be measured in the runs with it".to_owned());
             return Ok(candidate);
         }
-        let tied = self.is_tied() && self.share(found.strength) >= LEAST_TIED;
+        let tied = self.is_tied() && self.gives_signature(&found);
         let path = Path { contender: self, case, surface, tied };
         candidate.signatures = path.signatures(&found)?;
         candidate.fitted = found.strength;

@@ -6,7 +6,7 @@ use super::joint::Contender;
 use super::moments::{Moment, Statistic};
 use super::verdict::Case;
 use crate::stats::attribution::{
-    Attribution, Candidate, DetectionLimit, EffectReport, Separation, Signature, Status, Verdict,
+    Attribution, Candidate, DetectionLimit, EffectReport, Presence, Separation, Signature, Status, Verdict,
 };
 use crate::tables::list::{AttributionRow, ConfusionRow, ResidualRow, SignatureRow, VerdictRow};
 
@@ -78,7 +78,7 @@ fn signatures(
         }
         let Some(nearest) = nearest(candidate, effect.strength) else { continue };
         let square = nearest.strength * nearest.strength;
-        let direct_runs = contender.is_tied() && !candidate.absent;
+        let direct_runs = contender.is_tied() && candidate.presence != Presence::Absent;
         // At a tie the change is the difference of two direct batches.
         let direct = |i: usize| 2.0 * case.model.covariance[(i, i)] / square;
         let variance = |i: usize| if direct_runs { direct(i) } else { candidate.covariance[(i, i)] };

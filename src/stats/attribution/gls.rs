@@ -12,14 +12,17 @@ use nalgebra::{DMatrix, DVector};
 
 /// Relative singular value below which a direction of the parameters is not determined at all.
 const RANK_TOLERANCE: f64 = 1e-12;
-/// Least damping that is not none.
-const LEAST_DAMPING: f64 = 1e-3;
+/// Least damping that is not none: with more, a fit creeps along a valley whose sides are a hundred thousand times as steep.
+const LEAST_DAMPING: f64 = 1e-5;
 /// Largest damping tried before a step counts as impossible.
 const LARGEST_DAMPING: f64 = 1e12;
 /// Factor by which damping grows after a step that failed and shrinks after one that did not.
 const DAMPING_FACTOR: f64 = 10.0;
 /// Eigenvalue of the curvature, relative to the largest, below which a direction is left alone in a step.
 const FLAT: f64 = 1e-14;
+/// Curvature along a step, relative to that of JᵀJ, below which the change of the slope is no measure for the rest of the
+/// curvature: dividing by it, one fit in a thousand crept.
+const LEAST_CURVATURE: f64 = 0.5;
 /// Relative change of the sum of squares that is as good as none.
 const NOISE: f64 = 1e-13;
 
@@ -206,12 +209,14 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
     }
 
     /// The curvature Σ r ∇²r after a step (NL2SOL's secant, sized): the symmetric matrix nearest to the last one that changes
-    /// J as the step did.
+    /// J as the step did. Near is measured by the whole curvature or, where there is little of that along the step, by JᵀJ.
     fn bend(&self, last: DMatrix<f64>, from: &State, to: &State) -> DMatrix<f64> {
         let step = DVector::from_fn(from.theta.len(), |i, _| (to.theta[i] - from.theta[i]) / self.width(i));
         let slope = from.tangent.tr_mul(&from.white_residual) - to.tangent.tr_mul(&to.white_residual);
         let of_bend = (&from.tangent - &to.tangent).tr_mul(&to.white_residual);
-        let along = slope.dot(&step);
+        let linear = to.tangent.tr_mul(&(&to.tangent * &step));
+        let measure = if slope.dot(&step) < LEAST_CURVATURE * linear.dot(&step) { linear } else { slope };
+        let along = measure.dot(&step);
         if along.is_nan() || along <= 0.0 {
             return last;
         }
@@ -219,8 +224,8 @@ impl<'a, M: Fn(&DVector<f64>) -> (DVector<f64>, DMatrix<f64>)> Fit<'a, M> {
         let size = if known > 0.0 { (step.dot(&of_bend).abs() / known).min(1.0) } else { 1.0 };
         let sized = last * size;
         let missing = of_bend - &sized * &step;
-        let (cross, share) = (&missing * slope.transpose() / along, missing.dot(&step) / (along * along));
-        sized + &cross + cross.transpose() - &slope * slope.transpose() * share
+        let (cross, share) = (&missing * measure.transpose() / along, missing.dot(&step) / (along * along));
+        sized + &cross + cross.transpose() - &measure * measure.transpose() * share
     }
 
     /// Damped Newton step within the bounds: what would leave is set on its bound and the rest solved again.

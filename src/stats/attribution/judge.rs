@@ -4,10 +4,10 @@
 //! whole procedure can be repeated on drawn residuals. Takes whitened residuals; gives fits and an [`Outcome`] of
 //! indices. Draws nothing and writes no texts.
 
-use super::Options;
 use super::bayes::{Evidence, PairEvidence, ln_bayes_other};
 use super::effect::{Curve, Errors, Fit, Projected, dot, weighted_dot};
 use super::geometry::{Geometry, Held};
+use super::{Options, Presence};
 use nalgebra::{DMatrix, DVector};
 
 /// Slack in the units of a parameter's width within which "moves inwards" is satisfied.
@@ -49,8 +49,8 @@ impl Outcome {
 pub(super) struct Rule {
     /// Whether it may be named at all.
     pub testable: bool,
-    /// Whether the full model fits the observed residual best with none of it.
-    pub absent: bool,
+    /// What the full model says of its strength in the observed residual.
+    pub presence: Presence,
     /// Physical range.
     pub range: (f64, f64),
     /// Half the range.
@@ -69,7 +69,7 @@ impl Rule {
 
     /// Whether it may be a member of a pair.
     fn paired(&self) -> bool {
-        self.testable && !self.absent
+        self.testable && self.presence == Presence::Present
     }
 
     fn allows(&self, strength: f64, sd: f64) -> bool {
@@ -129,12 +129,14 @@ pub(super) struct Found {
     /// little is known leaves nothing over of anything.
     pub misfit: f64,
     pub geometry: usize,
+    /// Whether it may be named on this fit: not where the full model does not tell the strength from zero.
+    pub told: bool,
 }
 
 impl Found {
     /// An effect that is not there.
     fn absent(t0: f64, geometry: usize) -> Self {
-        Self { fit: Fit { strength: 0.0, leftover: t0 }, misfit: t0, geometry }
+        Self { fit: Fit { strength: 0.0, leftover: t0 }, misfit: t0, geometry, told: false }
     }
 }
 
@@ -186,7 +188,8 @@ impl Machine {
             effect.rotate(&seen.t[geometry], scratch);
             let fit = effect.fit(scratch);
             if fit.leftover < best.fit.leftover && self.feasible(seen, geometry, k, fit.strength) {
-                best = Found { fit, misfit: fit.leftover + effect.ln_det(fit.strength), geometry };
+                let misfit = fit.leftover + effect.ln_det(fit.strength);
+                best = Found { fit, misfit, geometry, told: true };
             }
         }
         best
@@ -205,11 +208,16 @@ impl Machine {
         (0..self.rules.len()).map(|k| self.fit(seen, k, &mut scratch)).collect()
     }
 
-    /// The same for the observed residual, with strength zero for what the full model fits best without.
+    /// The same for the observed residual, with what the full models say of the strengths.
     pub(super) fn fits_as_known(&self, seen: &Seen) -> Vec<Found> {
         let none = Found::absent(seen.t0, seen.geometry);
         let fits = self.fits(seen);
-        fits.into_iter().zip(&self.rules).map(|(found, rule)| if rule.absent { none } else { found }).collect()
+        let known = |(found, rule): (Found, &Rule)| match rule.presence {
+            Presence::Present => found,
+            Presence::Untold => Found { told: false, ..found },
+            Presence::Absent => none,
+        };
+        fits.into_iter().zip(&self.rules).map(known).collect()
     }
 
     /// The whole procedure on one whitened residual.
@@ -237,13 +245,15 @@ impl Machine {
             return Outcome::Pair(pair.0, pair.1);
         }
         let accepted = |k: &usize| self.accepts(&fits[*k], *k);
-        let named: Vec<usize> = (0..fits.len()).filter(accepted).filter(|k| bayes[*k] >= other + ln_odds).collect();
-        if !named.is_empty() && named.iter().all(|k| bayes[*k] < NO_DISCREPANCY + ln_odds) {
+        let told = |k: &usize| fits[*k].told;
+        let likely: Vec<usize> = (0..fits.len()).filter(accepted).filter(|k| bayes[*k] >= other + ln_odds).collect();
+        if !likely.is_empty() && !likely.iter().any(|k| told(k) && bayes[*k] >= NO_DISCREPANCY + ln_odds) {
             return Outcome::Nothing;
         }
-        let best = named.iter().map(|k| fits[*k].misfit).fold(f64::INFINITY, f64::min);
+        let named = likely.into_iter().filter(told);
+        let best = named.map(|k| fits[k].misfit).fold(f64::INFINITY, f64::min);
         let near = |k: &usize| 0.5 * (fits[*k].misfit - best) < self.options.class_rule;
-        let class: Vec<usize> = (0..fits.len()).filter(accepted).filter(near).collect();
+        let class: Vec<usize> = (0..fits.len()).filter(accepted).filter(told).filter(near).collect();
         match class[..] {
             _ if best.is_infinite() => Outcome::Other,
             [only] => Outcome::Effect(only),

@@ -15,7 +15,8 @@
 //! **A name is worth more than chance.** The adequacy test alarms once in twenty times where nothing is missing, and some
 //! effect then fits what is left over. So what is named must beat "no discrepancy" by the odds by which it must beat
 //! "other"; where it does not, no discrepancy is detected and [`Attribution::notes`] says so. What no candidate fits
-//! remains an alarm.
+//! remains an alarm. The same holds of an effect whose own model does not tell its strength from zero
+//! ([`Presence::Untold`]).
 //!
 //! **On a bound.** Where a parameter sits on its bound, the tangent space is no linear space: the parameter may move
 //! inwards only. Every fit is then the best feasible one over all choices of which of these parameters stay on their
@@ -152,9 +153,21 @@ pub struct Candidate {
     pub covariance: DMatrix<f64>,
     /// `Err` with the reason if these data cannot show the effect (no trends, no traces …).
     pub testable: Result<(), String>,
-    /// Whether the best fit of the full model with it has no strength: it is then fitted with strength zero, so that it
-    /// is rejected with its numbers and its detection limit.
-    pub absent: bool,
+    /// What the full model with it says of its strength in the data.
+    pub presence: Presence,
+}
+
+/// What a full model says of the strength of an effect in the data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Presence {
+    /// It has one, or there is no full model that could deny it.
+    Present,
+    /// It has one that is not told from zero. The effect is not named, nor a member of a class or a pair; an alarm that nothing
+    /// else explains is none.
+    Untold,
+    /// Its best fit has none: the effect is fitted with strength zero, so that it is rejected with its numbers and its detection
+    /// limit.
+    Absent,
 }
 
 /// A measurement that could be added to separate a class of effects.

@@ -31,7 +31,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let rules = problem
         .candidates
         .iter()
-        .map(|c| Rule { testable: false, absent: c.absent, range: c.range, tau: c.scale() })
+        .map(|c| Rule { testable: false, presence: c.presence, range: c.range, tau: c.scale() })
         .collect();
     let mut machine = Machine::new(geometries, &whitened.held, &signatures, &errors, rules, *options);
     let visible: Vec<Visible> = (0..signatures.len())
@@ -403,19 +403,25 @@ impl Report<'_> {
         self.whitened.held.iter().map(|held| self.problem.parameters[held.column].name.clone()).collect()
     }
 
+    /// Why an effect that would explain a rejected T₀ is not named.
+    fn not_named(&self, effect: &EffectReport, told: bool) -> String {
+        let (name, odds) = (&effect.name, libm::exp(effect.ln_bayes));
+        if told {
+            let needed = self.machine.options.odds;
+            format!(
+                "T₀ is rejected, but the odds of {name} against no effect are {odds:.1} : 1, and a name takes {needed}"
+            )
+        } else {
+            format!("T₀ is rejected, but the model with {name} in it does not tell its strength from zero")
+        }
+    }
+
     fn notes(&self, effects: &[EffectReport], outcome: Outcome) -> Vec<String> {
         let mut notes = Vec::new();
         if outcome == Outcome::Nothing && self.seen.t0 > self.machine.critical.t0 {
-            let accepted = effects.iter().filter(|effect| effect.accepted);
-            let likeliest = accepted.max_by(|a, b| a.ln_bayes.total_cmp(&b.ln_bayes));
-            notes.extend(likeliest.map(|effect| {
-                format!(
-                    "T₀ is rejected, but the odds of {} against no effect are {:.1} : 1, and a name takes {}",
-                    effect.name,
-                    libm::exp(effect.ln_bayes),
-                    self.machine.options.odds
-                )
-            }));
+            let accepted = effects.iter().zip(self.fits).filter(|(effect, _)| effect.accepted);
+            let likeliest = accepted.max_by(|a, b| a.0.ln_bayes.total_cmp(&b.0.ln_bayes));
+            notes.extend(likeliest.map(|(effect, found)| self.not_named(effect, found.told)));
         }
         for name in self.on_bound() {
             notes.push(format!("{name} sits on its bound; fits and critical values allow it to move inwards only"));
