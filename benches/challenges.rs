@@ -5,7 +5,7 @@
 //! PANELS diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
 //! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them: with all observables, the KPIs alone,
 //! or all of them but the true effect left out of the library (EVIDENCE, as `all,kpis,without`). A cell that stands in
-//! FOLDER/rates.csv already is not done again.
+//! FOLDER/rates.csv already is not done again. FOLDER alone prints what stands there.
 
 use granulake::campaign::{Campaign, Options, Values};
 use granulake::challenge::{Declaration, Score, Solution, Truth, score};
@@ -52,7 +52,10 @@ fn main() -> Result<(), Failed> {
     // cargo passes `--bench` on to the binary.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     let [folder, pool, sets, counts, thetas, panels, evidence, truths @ ..] = arguments.as_slice() else {
-        println!("challenges: no folder given, nothing to do; see benches/challenges.sh");
+        match arguments.first() {
+            Some(folder) => Book::open(Path::new(folder).join("rates.csv"))?.print(),
+            None => println!("challenges: no folder given, nothing to do; see benches/challenges.sh"),
+        }
         return Ok(());
     };
     let counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
@@ -339,7 +342,10 @@ struct Tally {
     correct: u32,
     class_size: u32,
     named: u32,
+    /// Sets in which "none of the candidates" is due.
     decidable: u32,
+    /// Those of them that are right.
+    decided: u32,
     answers: BTreeMap<String, u32>,
     limits: String,
 }
@@ -357,13 +363,15 @@ impl Tally {
         }
         let truth = truth.map(|(name, _)| name).filter(|_| cell.without.is_none());
         let answers = BTreeMap::new();
-        Self { truth, sets: 0, correct: 0, class_size: 0, named: 0, decidable: 0, answers, limits: text }
+        Self { truth, sets: 0, correct: 0, class_size: 0, named: 0, decidable: 0, decided: 0, answers, limits: text }
     }
 
     fn add(&mut self, score: &Score) {
         self.sets += 1;
         self.correct += u32::from(score.correct);
-        self.decidable += u32::from(score.decidable == Some(true));
+        let is_due = score.decidable == Some(true);
+        self.decidable += u32::from(is_due);
+        self.decided += u32::from(is_due && score.correct);
         if !score.named.is_empty() {
             self.named += 1;
             self.class_size += score.named.len() as u32;
@@ -399,46 +407,60 @@ impl Book {
 
     fn add(&mut self, key: String, tally: &Tally) -> Result<(), Failed> {
         let answers: Vec<String> = tally.answers.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
-        let Tally { correct, class_size, named, decidable, .. } = tally;
-        let line = format!("{key},{correct},{class_size},{named},{decidable},{},{}", answers.join("; "), tally.limits);
+        let Tally { correct, class_size, named, decidable, decided, limits, .. } = tally;
+        let answers = answers.join("; ");
+        let line = format!("{key},{correct},{class_size},{named},{decidable},{decided},{answers},{limits}");
         println!("{line}");
         self.lines.push(line);
         Ok(std::fs::write(&self.path, self.lines.join("\n") + "\n")?)
     }
 
-    /// The matrix of answers over all panels, and what every effect shows in the first, as Markdown.
+    /// The matrix of answers over all panels, and what every effect shows in the first, as Markdown: of every cell what the
+    /// newest diagnosis found that has judged it.
     fn print(&self) {
         println!(
-            "\n| theta | truth | n | evidence | left out | right | 95 % interval | by panel | mean class | decidable | answers |"
+            "\n| theta | truth | n | evidence | left out | diagnose | right | 95 % interval | by panel | mean class | \
+             right of decidable | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
         );
-        println!("|---|---|---|---|---|---|---|---|---|---|---|");
         let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
-        let mut cells: BTreeMap<&[&str], Vec<&[&str]>> = BTreeMap::new();
-        let form = form();
-        for line in lines.iter().filter(|line| line.len() == COLUMNS && line[0] == form) {
-            cells.entry(&line[1..6]).or_default().push(&line[6..]);
+        let mut cells: BTreeMap<&[&str], (u32, Vec<&[&str]>)> = BTreeMap::new();
+        for (line, version) in lines.iter().filter_map(|line| Some((line, version_of(line)?))) {
+            let (newest, panels) = cells.entry(&line[1..6]).or_default();
+            if version > *newest {
+                (*newest, *panels) = (version, Vec::new());
+            }
+            if version == *newest {
+                panels.push(&line[6..]);
+            }
         }
-        for (cell, panels) in &cells {
-            println!("| {} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
+        for (cell, (version, panels)) in &cells {
+            println!("| {} | {version} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
         }
-        println!("\n| theta | truth | n | evidence | what each effect shows |\n|---|---|---|---|---|");
-        for (cell, panels) in cells.iter().filter(|(cell, _)| cell[4] == "-") {
-            println!("| {} | {} |", cell[..4].join(" | "), panels[0][COLUMNS - 7]);
+        println!("\n| theta | truth | n | evidence | diagnose | what each effect shows |\n|---|---|---|---|---|---|");
+        for (cell, (version, panels)) in cells.iter().filter(|(cell, _)| cell[4] == "-") {
+            println!("| {} | {version} | {} |", cell[..4].join(" | "), panels[0][COLUMNS - 7]);
         }
     }
 }
 
 /// Columns of a line: form, theta, truth, n, evidence, left out, panel, pool, sets, right, sizes of the classes, named,
-/// decidable, answers, limits.
-const COLUMNS: usize = 15;
+/// decidable, right of these (`-` where it was not written down), answers, limits.
+const COLUMNS: usize = 16;
+
+/// Version of the diagnosis that wrote a line with this form of the engine.
+fn version_of(line: &[&str]) -> Option<u32> {
+    let engine = format!("physics {} diagnose ", granulake::dem::PHYSICS_VERSION);
+    line.first().filter(|_| line.len() == COLUMNS)?.strip_prefix(&engine)?.parse().ok()
+}
 
 /// The rest of a line of the matrix from the lines of its panels (from the number of the panel on).
 fn sum_up(panels: &[&[&str]]) -> [String; 6] {
-    let sum = |column: usize| panels.iter().filter_map(|line| line[column].parse::<u32>().ok()).sum::<u32>();
+    let all = |column: usize| panels.iter().map(|line| line[column].parse::<u32>()).sum::<Result<u32, _>>().ok();
+    let sum = |column: usize| all(column).unwrap_or(0);
     let (sets, right, classes, named, decidable) = (sum(2), sum(3), sum(4), sum(5), sum(6));
     let interval = clopper_pearson(right as usize, sets as usize, 0.95);
     let mut answers: BTreeMap<&str, u32> = BTreeMap::new();
-    for (answer, count) in panels.iter().flat_map(|line| line[7].split("; ")).filter_map(|text| text.rsplit_once(": "))
+    for (answer, count) in panels.iter().flat_map(|line| line[8].split("; ")).filter_map(|text| text.rsplit_once(": "))
     {
         *answers.entry(answer).or_default() += count.parse::<u32>().unwrap_or(0);
     }
@@ -447,8 +469,12 @@ fn sum_up(panels: &[&[&str]]) -> [String; 6] {
         format!("{right} of {sets}"),
         format!("{:.3} to {:.3}", interval.lower, interval.upper),
         panels.iter().map(|line| line[3]).collect::<Vec<_>>().join(" + "),
-        format!("{:.2}", f64::from(classes) / f64::from(named.max(1))),
-        decidable.to_string(),
+        if named > 0 { format!("{:.2}", f64::from(classes) / f64::from(named)) } else { "-".to_owned() },
+        match all(7) {
+            _ if decidable == 0 => "-".to_owned(),
+            Some(decided) => format!("{decided} of {decidable}"),
+            None => format!("? of {decidable}"),
+        },
         answers.join("; "),
     ]
 }

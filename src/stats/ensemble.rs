@@ -297,6 +297,36 @@ impl Sample {
         let covariance = |i: usize, j: usize| correlations[i][j] * marginals[i].sd * marginals[j].sd;
         DMatrix::from_fn(marginals.len(), marginals.len(), covariance)
     }
+
+    /// The line on which the parameters follow the last one: the mean and a step of one standard deviation of the last, with
+    /// the mean change of all others over it.
+    pub fn line(&self) -> (Vec<f64>, Vec<f64>) {
+        let (marginals, correlations) = (self.marginals(), self.correlations());
+        let last = marginals.len() - 1;
+        let step = |(marginal, row): (&Marginal, &Vec<f64>)| row[last] * marginal.sd;
+        (
+            marginals.iter().map(|marginal| marginal.mean).collect(),
+            marginals.iter().zip(&correlations).map(step).collect(),
+        )
+    }
+
+    /// The same draws, `factor` times as far apart along [`Self::line`] and as far as before across it, within the unit cube.
+    /// Draws that all have the same last parameter have no line and stay.
+    #[must_use]
+    pub fn stretched(&self, factor: f64) -> Self {
+        let (mean, step) = self.line();
+        let last = mean.len() - 1;
+        if step[last].is_nan() || step[last] <= 0.0 {
+            return self.clone();
+        }
+        let mut points = Points::empty(mean.len());
+        for row in self.points.rows() {
+            let further = (factor - 1.0) * (row[last] - mean[last]) / step[last];
+            let moved = row.iter().zip(&step).map(|(x, step)| (x + further * step).clamp(0.0, 1.0));
+            points.push(&moved.collect::<Vec<f64>>());
+        }
+        Self { points, ..self.clone() }
+    }
 }
 
 #[cfg(test)]
@@ -324,6 +354,26 @@ mod tests {
         let covariance = found.covariance();
         assert!((covariance[(0, 1)] / 0.0045 - 1.0).abs() < 0.2 && covariance[(0, 1)] == covariance[(1, 0)]);
         assert_eq!(covariance[(1, 1)].sqrt(), found.marginals()[1].sd);
+    }
+
+    fn drawn(rows: &[[f64; 2]]) -> Sample {
+        let points = Points::from_rows(rows, 2).expect("pairs");
+        Sample { points, ln_density: vec![0.0; rows.len()], acceptance: 0.5, autocorrelation_time: 1.0 }
+    }
+
+    /// The first coordinate falls by twice what the last gains, and scatters by 0.05 about that.
+    #[test]
+    fn draws_are_stretched_along_their_line_and_not_across_it() {
+        let found = drawn(&[[0.75, 0.4], [0.65, 0.4], [0.35, 0.6], [0.25, 0.6]]);
+        let (mean, step) = found.line();
+        let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(close(&mean, &[0.5, 0.5]) && close(&step, &[-0.2, 0.1]), "{mean:?} {step:?}");
+        let wide = found.stretched(1.5);
+        let expected = [[0.85, 0.35], [0.75, 0.35], [0.25, 0.65], [0.15, 0.65]];
+        assert!(wide.points.rows().zip(expected).all(|(row, expected)| close(row, &expected)), "{wide:?}");
+        assert!(found.stretched(50.0).points.rows().flatten().all(|x| (0.0..=1.0).contains(x)));
+        let level = drawn(&[[0.2, 0.5], [0.4, 0.5]]);
+        assert_eq!(level.stretched(2.0), level);
     }
 
     /// The same walk: only its length depends on how many draws are asked for, and it stops at the first that is enough.

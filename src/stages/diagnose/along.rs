@@ -4,7 +4,7 @@
 //! there. Where parameters can stand in for an effect that is far: the statistics hardly change along a line on which both
 //! trade places, and a metamodel that bends it a little makes one end of it look impossible. So the simulation is run at
 //! a few places of that line, the metamodels learn what was seen, and parameters and strength are drawn anew, until the strength
-//! stays.
+//! stays and little of what seems to be known of it can be an error of theirs.
 
 use super::direct;
 use super::joint::Contender;
@@ -18,6 +18,8 @@ use nalgebra::DVector;
 const PLACES: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 /// Most times that runs are made.
 const ROUNDS: usize = 3;
+/// Share of the information on the strength that errors of the metamodels may feign before more runs are made.
+const FEIGNED: f64 = 0.2;
 /// Share of its standard deviation by which a strength may move and still count as the same.
 const SETTLED: f64 = 0.5;
 
@@ -33,22 +35,27 @@ pub fn follow(case: &Case, contender: &mut Contender, lab: &mut Lab) -> Result<(
         let runs: Vec<_> = places.into_iter().zip(lab.run(&jobs)?).collect();
         contender.learn(&runs);
         contender.sample(case)?;
-        if contender.strength().is_some_and(|(after, sd)| (after - before).abs() < SETTLED * sd) {
+        let stays = contender.strength().is_some_and(|(after, sd)| (after - before).abs() < SETTLED * sd);
+        if stays && !is_feigned(contender) {
             break;
         }
     }
     Ok(())
 }
 
-/// Parameters and strength, the last coordinate, at the places: the mean of the parameters given the strength.
-fn line(draws: &Sample) -> Vec<DVector<f64>> {
-    let (marginals, correlations) = (draws.marginals(), draws.correlations());
-    let last = marginals.len() - 1;
-    let at = |k: f64, i: usize| marginals[i].mean + k * correlations[i][last] * marginals[i].sd;
-    PLACES.iter().map(|k| DVector::from_fn(last + 1, |i, _| at(*k, i).clamp(0.0, 1.0))).collect()
+/// Whether the metamodels' errors count in what seems to be known of the strength.
+fn is_feigned(contender: &Contender) -> bool {
+    contender.feigned().is_some_and(|share| share > FEIGNED)
 }
 
-/// Half as many runs at a place as at an optimum.
+/// Parameters and strength, the last coordinate, at the places: the mean of the parameters given the strength.
+fn line(draws: &Sample) -> Vec<DVector<f64>> {
+    let (mean, step) = draws.line();
+    let at = |k: f64| DVector::from_fn(mean.len(), |i, _| (mean[i] + k * step[i]).clamp(0.0, 1.0));
+    PLACES.into_iter().map(at).collect()
+}
+
+/// Twice as many runs at a place as at an optimum where the metamodels' errors count, else half as many.
 fn job(
     case: &Case,
     contender: &Contender,
@@ -56,7 +63,8 @@ fn job(
     x: &DVector<f64>,
 ) -> Result<Job, StageError> {
     let label = format!("{}/along {} {round}", case.set.name, contender.name());
-    let repetitions = (case.context.config.diagnose.refine_repetitions / 2).max(2);
+    let at_optimum = case.context.config.diagnose.refine_repetitions;
+    let repetitions = if is_feigned(contender) { 2 * at_optimum } else { (at_optimum / 2).max(2) };
     direct::job(case.context, (label, index as u32 + 1), x.as_slice(), Some(contender.axis()), repetitions)
 }
 

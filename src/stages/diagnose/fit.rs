@@ -229,6 +229,23 @@ impl Surface {
         DMatrix::from_fn(sd.len(), sd.len(), |i, j| share(i, j) * sd[i] * sd[j])
     }
 
+    /// Covariance of the metamodels' error in the change between `x` and `y` ([`Self::shared`]).
+    pub fn uncertainty_of_change(
+        &self,
+        x: &DVector<f64>,
+        y: &DVector<f64>,
+        correlation: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
+        let (x, y) = (x.as_slice(), y.as_slice());
+        let one = |((model, moment), trend): (&(usize, Moment), &Trend)| match moment {
+            Moment::Mean => self.models[*model].mean_difference_sd(x, y),
+            Moment::LnSd => self.models[*model].log_sd_difference_sd(x, y),
+            Moment::Trend => (self.strength(x) - self.strength(y)).abs() * trend.sd(),
+        };
+        let sd: Vec<f64> = self.rows.iter().zip(&self.trends).map(one).collect();
+        self.shared(&sd, correlation)
+    }
+
     /// Slopes at `x` with the covariance of their error ([`Self::shared`]).
     pub fn slopes(&self, x: &DVector<f64>, correlation: &DMatrix<f64>) -> Slopes {
         let error = |(model, moment): &(usize, Moment)| match moment {

@@ -39,6 +39,9 @@ const LEAST_TIED: f64 = 0.125;
 /// Standard errors from zero within which direct runs do not tell a strength from it (two-sided, 5 %).
 const TOLD: f64 = 1.96;
 
+/// The largest share of feigned information that draws are widened for, to twice their width.
+const MOST_FEIGNED: f64 = 0.5;
+
 /// The least standard deviation from which a walker starts, for parameters that a bound holds.
 const LEAST_START: f64 = 0.02;
 
@@ -58,8 +61,28 @@ pub struct Contender {
     was_run: bool,
     /// Whether the runs left it no strength.
     absent: bool,
-    /// Draws of the parameters and the strength given the data, if they were sampled.
-    draws: Option<Sample>,
+    open: Option<Open>,
+}
+
+/// What the data leave open.
+#[derive(Clone)]
+struct Open {
+    /// Draws of the parameters and the place of the strength by the likelihood of the metamodels.
+    draws: Sample,
+    /// Share of the information on the strength that errors of the metamodels can feign.
+    feigned: f64,
+}
+
+impl Open {
+    /// The draws as wide as the metamodels' errors make them.
+    ///
+    /// These errors also make places look different that are not, and move the optimum among them. Where they feign a share ν of
+    /// the information on the strength, 1 − ν of it is real, and the optimum has a variance of 1 − ν from the noise and of ν from the
+    /// errors, over (1 − ν)²: the draws are as wide as that, 1/(1 − ν) times, along the line on which the parameters follow the
+    /// strength.
+    fn widened(&self) -> Sample {
+        self.draws.stretched(1.0 / (1.0 - self.feigned.min(MOST_FEIGNED)))
+    }
 }
 
 /// What direct runs around the joint optimum and at it tell.
@@ -103,7 +126,7 @@ impl Contender {
         runs.push(without(&(case.optimum.clone(), case.before.clone())));
         let surface = trained.map(|surface| surface.knowing(&runs));
         let mut contender =
-            Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false, draws: None };
+            Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false, open: None };
         contender.misfit = match &contender.surface {
             Ok(surface) => Some(contender.optimum(case, surface)?.misfit),
             Err(_) => None,
@@ -252,13 +275,31 @@ impl Contender {
         let sd: Vec<f64> = sds(&fit.covariance).into_iter().map(|sd| sd.max(LEAST_START)).collect();
         let mut stream = Stream::new(case.context.seed(&format!("strength {}", self.name())), "posterior walkers");
         let start = around(fit.parameters.as_slice(), &sd, walkers(sd.len()), &mut stream);
-        self.draws = Some(sample(start, ln_density, Length::default(), stream));
+        let draws = sample(start, ln_density, Length::default(), stream);
+        let feigned = self.feigned_by(surface, weights, &draws);
+        self.open = Some(Open { draws, feigned });
         Ok(())
     }
 
-    /// Draws of the parameters and the place of the strength given the data, if they were sampled.
+    /// Share of the information on the strength that errors of the metamodels can feign: tr Σ⁻¹C/4 with C the covariance of
+    /// their error in the change between the places one standard deviation of `draws` to either side, where the information of
+    /// the draws is 1 by their width. Between 0 and 1.
+    fn feigned_by(&self, surface: &Surface, weights: Weights, draws: &Sample) -> f64 {
+        let (mean, step) = draws.line();
+        let at = |k: f64| DVector::from_fn(mean.len(), |i, _| (mean[i] + k * step[i]).clamp(0.0, 1.0));
+        let change = surface.uncertainty_of_change(&at(-1.0), &at(1.0), weights.correlation);
+        let factor = weights.at(surface, &at(0.0)).cholesky();
+        factor.map_or(1.0, |factor| (factor.solve(&change).trace() / 4.0).min(1.0))
+    }
+
+    /// Share of the information on the strength that errors of the metamodels can feign; none where nothing was sampled.
+    pub fn feigned(&self) -> Option<f64> {
+        self.open.as_ref().map(|open| open.feigned)
+    }
+
+    /// Draws of the parameters and the place of the strength by the likelihood of the metamodels, if they were sampled.
     pub fn draws(&self) -> Option<&Sample> {
-        self.draws.as_ref()
+        self.open.as_ref().map(|open| &open.draws)
     }
 
     /// What the last coordinate of its model means.
@@ -268,7 +309,7 @@ impl Contender {
 
     /// Mean and standard deviation of the strength given the data, if it was sampled.
     pub fn strength(&self) -> Option<(f64, f64)> {
-        let marginal = self.draws.as_ref()?.marginals().pop()?;
+        let marginal = self.open.as_ref()?.widened().marginals().pop()?;
         Some((strength_at(self.effect.range(), marginal.mean), marginal.sd * self.width()))
     }
 
@@ -277,7 +318,7 @@ impl Contender {
     pub fn estimate(&self, case: &Case) -> Result<Option<Estimate>, StageError> {
         let Some(JointFit { fit, u, strength }) = self.fit(case)? else { return Ok(None) };
         let at_bound = fit.at_bound.iter().map(Option::is_some).collect();
-        let Some(draws) = &self.draws else {
+        let Some(draws) = self.open.as_ref().map(Open::widened) else {
             return Ok(Some(Estimate { u, strength, covariance: fit.covariance, at_bound }));
         };
         let means: Vec<f64> = draws.marginals().iter().map(|marginal| marginal.mean).collect();
@@ -479,5 +520,26 @@ impl Path<'_> {
         let error = |x: &DVector<f64>| self.surface.uncertainty(x, &self.case.shape.correlation);
         let both = error(&self.at(u, strength)) + error(&self.at(&self.case.optimum, 0.0));
         both / (strength * strength)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::points::Points;
+
+    #[test]
+    fn draws_are_widened_by_what_errors_feign_to_twice_their_width_at_most() {
+        let points = Points::from_rows(&[[0.55, 0.4], [0.45, 0.6]], 2).expect("pairs");
+        let draws = Sample { points, ln_density: vec![0.0; 2], acceptance: 0.5, autocorrelation_time: 1.0 };
+        for (feigned, factor) in [(0.0, 1.0), (0.2, 1.25), (0.5, 2.0), (0.9, 2.0)] {
+            let wide = Open { draws: draws.clone(), feigned }.widened();
+            for (narrow, wide) in draws.marginals().iter().zip(wide.marginals()) {
+                assert!(
+                    (wide.sd - factor * narrow.sd).abs() < 1e-12 && (wide.mean - narrow.mean).abs() < 1e-12,
+                    "{wide:?}"
+                );
+            }
+        }
     }
 }

@@ -196,6 +196,18 @@ impl GaussianProcess {
         (self.hyper.variance - dot(half, half) + trend).max(0.0)
     }
 
+    /// Var[f(x) − f(y)] = 2σ_f²(1 − k(x, y)) − (k_x − k_y)ᵀK⁻¹(k_x − k_y), with the share of an estimated β: less than the sum of
+    /// both variances where their errors go together.
+    pub fn difference_variance(&self, x: &[f64], y: &[f64]) -> f64 {
+        let prior = 2.0 * (self.hyper.variance - self.covariances_with(y, x)[0]);
+        let [at_x, at_y] = [x, y].map(|place| self.covariances(place));
+        let apart: Vec<f64> = at_x.iter().zip(&at_y).map(|(x, y)| x - y).collect();
+        let half = self.fit.factor.half_solve(&apart);
+        let ((gap_x, information), (gap_y, _)) = (self.trend_gap(&at_x), self.trend_gap(&at_y));
+        let trend = if information > 0.0 { (gap_x - gap_y) * (gap_x - gap_y) / information } else { 0.0 };
+        (prior - dot(&half, &half) + trend).max(0.0)
+    }
+
     /// Mean and variance of the latent f at `x`, with their gradients.
     pub fn predict(&self, x: &[f64]) -> Latent {
         let (k, h) = self.covariances_and_slopes(x);

@@ -54,27 +54,46 @@ fn gradients_of_mean_and_variance_are_those_of_the_values() {
     }
 }
 
-/// The variance of a central difference of f, whose covariance comes from conditioning on one end exactly:
-/// Var(f₁ | f₂) = v₁ − c²/v₂.
+/// Cov(f(x), f(y))² from conditioning on f(y) exactly: Var(f(x) | f(y)) = v_x − c²/v_y.
+fn squared_covariance(training: &TrainingSet, form: Form, x: &[f64], y: &[f64]) -> f64 {
+    let of = |training: TrainingSet| GaussianProcess::new(training, hyper(), form).unwrap();
+    let process = of(training.clone());
+    let mut wider = training.clone();
+    wider.points.push(y);
+    wider.targets.push(0.0);
+    wider.noise.push(0.0);
+    (process.variance(x) - of(wider).variance(x)) * process.variance(y)
+}
+
+/// Var(f(x) − f(y)) = v_x + v_y − 2c, far and near, where both errors go together, and 0 of a point and itself.
 #[test]
-fn variance_of_the_gradient_is_that_of_a_narrow_difference() {
+fn variance_of_a_difference_is_that_of_both_ends_less_their_covariance() {
     for form in forms() {
         let training = sample(25, 1);
         let process = GaussianProcess::new(training.clone(), hyper(), form).unwrap();
+        let x = [0.35, 0.8, 0.15];
+        for y in [[0.36, 0.79, 0.17], [0.5, 0.6, 0.2], [0.9, 0.1, 0.7]] {
+            let (v_x, v_y) = (process.variance(&x), process.variance(&y));
+            let told = 0.5 * (v_x + v_y - process.difference_variance(&x, &y));
+            let seen = squared_covariance(&training, form, &x, &y);
+            assert!((told * told - seen).abs() < 1e-6 * v_x * v_y, "{form:?} {y:?}: told {}, seen {seen}", told * told);
+        }
+        assert!(process.difference_variance(&x, &x) < 1e-12);
+    }
+}
+
+/// The variance of a central difference of f.
+#[test]
+fn variance_of_the_gradient_is_that_of_a_narrow_difference() {
+    for form in forms() {
+        let process = GaussianProcess::new(sample(25, 1), hyper(), form).unwrap();
         let x = [0.35, 0.8, 0.15];
         for (d, told) in process.gradient_variance(&x).into_iter().enumerate() {
             let h = 0.005;
             let (mut low, mut high) = (x, x);
             low[d] -= h;
             high[d] += h;
-            let mut wider = training.clone();
-            wider.points.push(&high);
-            wider.targets.push(0.0);
-            wider.noise.push(0.0);
-            let (v_low, v_high) = (process.predict(&low).variance, process.predict(&high).variance);
-            let given = GaussianProcess::new(wider, hyper(), form).unwrap().predict(&low).variance;
-            let covariance = ((v_low - given) * v_high).sqrt();
-            let seen = (v_low + v_high - 2.0 * covariance) / (4.0 * h * h);
+            let seen = process.difference_variance(&low, &high) / (4.0 * h * h);
             assert!((seen / told - 1.0).abs() < 0.02, "{form:?} {d}: told {told}, seen {seen}");
         }
     }

@@ -362,6 +362,19 @@ impl Metamodel {
         }
     }
 
+    /// Standard deviation of the uncertainty of the difference of the mean between `x` and `y`.
+    pub fn mean_difference_sd(&self, x: &[f64], y: &[f64]) -> f64 {
+        self.mean_part().difference_sd(x, y)
+    }
+
+    /// The same of the difference of ln sd; 0 where this kind makes no statement on its uncertainty.
+    pub fn log_sd_difference_sd(&self, x: &[f64], y: &[f64]) -> f64 {
+        match self {
+            Self::Sk(model) => model.log_sd_difference_sd(x, y),
+            Self::Ibm(_) | Self::Rbm(_) => 0.0,
+        }
+    }
+
     /// Mean of the KPI at `x` alone: a tenth of the work of [`Metamodel::predict`].
     pub fn mean(&self, x: &[f64]) -> f64 {
         self.mean_part().mean(x)

@@ -194,6 +194,11 @@ impl Part {
         variances.into_iter().map(|variance| self.record.scale.abs() * variance.sqrt()).collect()
     }
 
+    /// Standard deviation of the uncertainty of the difference between `x` and `y`, in the unit of the observed quantity.
+    pub(super) fn difference_sd(&self, x: &[f64], y: &[f64]) -> f64 {
+        self.record.scale.abs() * self.process.difference_variance(x, y).sqrt()
+    }
+
     /// Leave-one-out mean and sd at each training point, in the unit of the observed quantity.
     pub(super) fn leave_one_out(&self) -> Vec<(f64, f64)> {
         let PartRecord { offset, scale, .. } = self.record;

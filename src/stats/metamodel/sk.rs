@@ -80,6 +80,11 @@ impl Sk {
         self.scatter.as_ref().map_or_else(|| vec![0.0; x.len()], half)
     }
 
+    /// Standard deviation of the difference of ln sd between two points.
+    pub(super) fn log_sd_difference_sd(&self, x: &[f64], y: &[f64]) -> f64 {
+        self.scatter.as_ref().map_or(0.0, |scatter| 0.5 * scatter.difference_sd(x, y))
+    }
+
     pub(super) fn response(&self, x: &[f64]) -> Response {
         let scatter = self.scatter.as_ref();
         let sd = scatter.map_or_else(|| no_scatter(x), |scatter| sd(&scatter.mean_with_gradient(x)));
