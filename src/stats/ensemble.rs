@@ -298,9 +298,15 @@ impl Sample {
         DMatrix::from_fn(marginals.len(), marginals.len(), covariance)
     }
 
-    /// The line on which the parameters follow the last one: the mean and a step of one standard deviation of the last, with
-    /// the mean change of all others over it.
-    pub fn line(&self) -> (Vec<f64>, Vec<f64>) {
+    /// The place on the line on which the parameters follow the last one, `k` of its standard deviations from the mean of all and within the
+    /// unit cube.
+    pub fn along(&self, k: f64) -> Vec<f64> {
+        let (mean, step) = self.line();
+        mean.iter().zip(&step).map(|(mean, step)| (mean + k * step).clamp(0.0, 1.0)).collect()
+    }
+
+    /// That line: the mean, and a step of one standard deviation of the last parameter with the mean change of all others over it.
+    fn line(&self) -> (Vec<f64>, Vec<f64>) {
         let (marginals, correlations) = (self.marginals(), self.correlations());
         let last = marginals.len() - 1;
         let step = |(marginal, row): (&Marginal, &Vec<f64>)| row[last] * marginal.sd;
@@ -310,7 +316,7 @@ impl Sample {
         )
     }
 
-    /// The same draws, `factor` times as far apart along [`Self::line`] and as far as before across it, within the unit cube.
+    /// The same draws, `factor` times as far apart along the line of [`Self::along`] and as far as before across it, within the unit cube.
     /// Draws that all have the same last parameter have no line and stay.
     #[must_use]
     pub fn stretched(&self, factor: f64) -> Self {
@@ -356,18 +362,29 @@ mod tests {
         assert_eq!(covariance[(1, 1)].sqrt(), found.marginals()[1].sd);
     }
 
-    fn drawn(rows: &[[f64; 2]]) -> Sample {
-        let points = Points::from_rows(rows, 2).expect("pairs");
+    fn drawn<const P: usize>(rows: &[[f64; P]]) -> Sample {
+        let points = Points::from_rows(rows, P).expect("rows of one length");
         Sample { points, ln_density: vec![0.0; rows.len()], acceptance: 0.5, autocorrelation_time: 1.0 }
+    }
+
+    /// A parameter that falls by twice what the last gains, and one that ignores it.
+    #[test]
+    fn the_line_is_that_on_which_parameters_follow_the_last() {
+        let found = drawn(&[[0.6, 0.2, 0.4], [0.6, 0.4, 0.4], [0.2, 0.2, 0.6], [0.2, 0.4, 0.6]]);
+        for (k, expected) in [(-2.0, [0.8, 0.3, 0.3]), (1.0, [0.2, 0.3, 0.6]), (3.0, [0.0, 0.3, 0.8])] {
+            let place = found.along(k);
+            assert!(place.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{k}: {place:?}");
+        }
     }
 
     /// The first coordinate falls by twice what the last gains, and scatters by 0.05 about that.
     #[test]
     fn draws_are_stretched_along_their_line_and_not_across_it() {
         let found = drawn(&[[0.75, 0.4], [0.65, 0.4], [0.35, 0.6], [0.25, 0.6]]);
-        let (mean, step) = found.line();
         let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
-        assert!(close(&mean, &[0.5, 0.5]) && close(&step, &[-0.2, 0.1]), "{mean:?} {step:?}");
+        for (k, expected) in [(0.0, [0.5, 0.5]), (1.0, [0.3, 0.6]), (-2.0, [0.9, 0.3]), (9.0, [0.0, 1.0])] {
+            assert!(close(&found.along(k), &expected), "{:?}", found.along(k));
+        }
         let wide = found.stretched(1.5);
         let expected = [[0.85, 0.35], [0.75, 0.35], [0.25, 0.65], [0.15, 0.65]];
         assert!(wide.points.rows().zip(expected).all(|(row, expected)| close(row, &expected)), "{wide:?}");

@@ -11,7 +11,6 @@ use super::joint::Contender;
 use super::lab::{Job, Lab};
 use super::verdict::Case;
 use crate::stages::StageError;
-use crate::stats::ensemble::Sample;
 use nalgebra::DVector;
 
 /// Strengths at which runs are made, in standard deviations from their mean.
@@ -29,7 +28,7 @@ pub fn follow(case: &Case, contender: &mut Contender, lab: &mut Lab) -> Result<(
     contender.sample(case)?;
     for round in 1..=ROUNDS {
         let (Some(draws), Some((before, _))) = (contender.draws(), contender.strength()) else { return Ok(()) };
-        let places = line(draws);
+        let places = PLACES.map(|k| DVector::from_vec(draws.along(k)));
         let job = |(index, x): (usize, &DVector<f64>)| job(case, contender, (round, index), x);
         let jobs = places.iter().enumerate().map(job).collect::<Result<Vec<_>, _>>()?;
         let runs: Vec<_> = places.into_iter().zip(lab.run(&jobs)?).collect();
@@ -48,13 +47,6 @@ fn is_feigned(contender: &Contender) -> bool {
     contender.feigned().is_some_and(|share| share > FEIGNED)
 }
 
-/// Parameters and strength, the last coordinate, at the places: the mean of the parameters given the strength.
-fn line(draws: &Sample) -> Vec<DVector<f64>> {
-    let (mean, step) = draws.line();
-    let at = |k: f64| DVector::from_fn(mean.len(), |i, _| (mean[i] + k * step[i]).clamp(0.0, 1.0));
-    PLACES.into_iter().map(at).collect()
-}
-
 /// Twice as many runs at a place as at an optimum where the metamodels' errors count, else half as many.
 fn job(
     case: &Case,
@@ -66,34 +58,4 @@ fn job(
     let at_optimum = case.context.config.diagnose.refine_repetitions;
     let repetitions = if is_feigned(contender) { 2 * at_optimum } else { (at_optimum / 2).max(2) };
     direct::job(case.context, (label, index as u32 + 1), x.as_slice(), Some(contender.axis()), repetitions)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::stats::points::Points;
-
-    /// Strengths of mean 0.5 and sd 0.1, a parameter that falls by 2 with them and one that ignores them.
-    #[test]
-    fn the_places_lie_on_the_line_on_which_parameters_follow_the_strength() {
-        let mut points = Points::empty(3);
-        for (strength, other) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
-            points.push(&[0.4 - 0.2 * strength, 0.3 + 0.1 * other, 0.5 + 0.1 * strength]);
-        }
-        let draws = Sample { points, ln_density: vec![0.0; 4], acceptance: 0.5, autocorrelation_time: 1.0 };
-        let expected = [[0.8, 0.3, 0.3], [0.6, 0.3, 0.4], [0.2, 0.3, 0.6], [0.0, 0.3, 0.7]];
-        for (place, expected) in line(&draws).iter().zip(expected) {
-            assert!(place.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{place}");
-        }
-    }
-
-    #[test]
-    fn places_stay_within_the_cube() {
-        let mut points = Points::empty(2);
-        [[0.1, 0.95], [0.3, 0.75]].iter().for_each(|x| points.push(x));
-        let draws = Sample { points, ln_density: vec![0.0; 2], acceptance: 0.5, autocorrelation_time: 1.0 };
-        let (first, last) = (&line(&draws)[0], &line(&draws)[3]);
-        assert!((first[0] - 0.4).abs() < 1e-12 && (first[1] - 0.65).abs() < 1e-12, "{first}");
-        assert!(last[0].abs() < 1e-12 && last[1] == 1.0, "{last}");
-    }
 }

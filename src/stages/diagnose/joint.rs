@@ -276,20 +276,9 @@ impl Contender {
         let mut stream = Stream::new(case.context.seed(&format!("strength {}", self.name())), "posterior walkers");
         let start = around(fit.parameters.as_slice(), &sd, walkers(sd.len()), &mut stream);
         let draws = sample(start, ln_density, Length::default(), stream);
-        let feigned = self.feigned_by(surface, weights, &draws);
+        let feigned = feigned(surface, weights, &draws);
         self.open = Some(Open { draws, feigned });
         Ok(())
-    }
-
-    /// Share of the information on the strength that errors of the metamodels can feign: tr Σ⁻¹C/4 with C the covariance of
-    /// their error in the change between the places one standard deviation of `draws` to either side, where the information of
-    /// the draws is 1 by their width. Between 0 and 1.
-    fn feigned_by(&self, surface: &Surface, weights: Weights, draws: &Sample) -> f64 {
-        let (mean, step) = draws.line();
-        let at = |k: f64| DVector::from_fn(mean.len(), |i, _| (mean[i] + k * step[i]).clamp(0.0, 1.0));
-        let change = surface.uncertainty_of_change(&at(-1.0), &at(1.0), weights.correlation);
-        let factor = weights.at(surface, &at(0.0)).cholesky();
-        factor.map_or(1.0, |factor| (factor.solve(&change).trace() / 4.0).min(1.0))
     }
 
     /// Share of the information on the strength that errors of the metamodels can feign; none where nothing was sampled.
@@ -448,6 +437,16 @@ impl Contender {
         candidate.covariance = path.error(&found);
         Ok(candidate)
     }
+}
+
+/// Share of the information on the strength that errors of the metamodels can feign: tr Σ⁻¹C/4 with C the covariance of their
+/// error in the change between the places one standard deviation of the draws to either side, where the information is 1 by
+/// their width. Between 0 and 1.
+fn feigned(surface: &Surface, weights: Weights, draws: &Sample) -> f64 {
+    let [low, middle, high] = [-1.0, 0.0, 1.0].map(|k| DVector::from_vec(draws.along(k)));
+    let change = surface.uncertainty_of_change(&low, &high, weights.correlation);
+    let factor = weights.at(surface, &middle).cholesky();
+    factor.map_or(1.0, |factor| (factor.solve(&change).trace() / 4.0).min(1.0))
 }
 
 /// Standard deviations behind a covariance.
