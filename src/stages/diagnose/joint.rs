@@ -79,7 +79,8 @@ impl Open {
     /// These errors also make places look different that are not, and move the optimum among them. Where they feign a share ν of
     /// the information on the strength, 1 − ν of it is real, and the optimum has a variance of 1 − ν from the noise and of ν from the
     /// errors, over (1 − ν)²: the draws are as wide as that, 1/(1 − ν) times, along the line on which the parameters follow the
-    /// strength.
+    /// strength. Assumes that all statistics are linear along the line and that errors a standard deviation apart are independent
+    /// of each other.
     fn widened(&self) -> Sample {
         self.draws.stretched(1.0 / (1.0 - self.feigned.min(MOST_FEIGNED)))
     }
