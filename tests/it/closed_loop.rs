@@ -1,6 +1,6 @@
 //! The loop on data with an undeclared effect: what was hidden is named, what was not is not.
 //!
-//! One study, five blind data sets made by `challenge`: three hide an effect of the library, with parameters drawn by
+//! One study, four blind data sets made by `challenge`: two hide an effect of the library, with parameters drawn by
 //! their seed and packings that no stage can draw; one hides nothing; one hides a change that no candidate describes.
 //! The measured sets hold twenty repetitions of each test and the extra observables. Beside them stand the paper's
 //! targets, which a coarse set-up may not judge.
@@ -57,10 +57,9 @@ bootstrap = 400
 "#;
 
 /// Name of the data set and how it is made.
-const SETS: [(&str, &[&str]); 5] = [
+const SETS: [(&str, &[&str]); 4] = [
     ("wet", &["--seed", "101", "--effect", "cohesion", "--strength", "1.0"]),
     ("large", &["--seed", "102", "--effect", "size_distribution", "--strength", "0.15"]),
-    ("damp", &["--seed", "103", "--effect", "cohesion", "--strength", "0.7"]),
     ("plain", &["--seed", "104", "--effect", "none"]),
     ("foreign", &["--seed", "105", "--effect", "none", "--scale", "ledge.fill_height=0.8"]),
 ];
@@ -89,9 +88,7 @@ fn hidden_effects_are_named_and_nothing_else_is() {
     study.succeed(&["repro"]);
     let verdicts: Vec<VerdictRow> = study.table();
     let verdict = |name: &str| verdicts.iter().find(|row| row.measured == name).expect("a verdict");
-    for (name, effect, strength) in
-        [("wet", "cohesion", 1.0), ("large", "size_distribution", 0.15), ("damp", "cohesion", 0.7)]
-    {
+    for (name, effect, strength) in [("wet", "cohesion", 1.0), ("large", "size_distribution", 0.15)] {
         let row = verdict(name);
         assert_eq!((row.verdict.as_str(), row.effects.as_str()), ("effect", effect), "{name}: {}", row.sentence);
         strength_is_recovered(&study, name, effect, strength);
