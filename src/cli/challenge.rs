@@ -280,9 +280,10 @@ fn rates(opened: &[Opened]) -> Vec<String> {
     lines.into_iter().chain(off).chain(errors.into_iter().flatten()).flatten().collect()
 }
 
-/// Errors before and after an effect was added, of the observables that have both: how many have zero in their interval.
+/// Errors before and after an effect was added, of the observables that have both: how many of those with an interval have
+/// zero in it, and how many have none.
 fn errors<'r>(what: &str, rows: impl Iterator<Item = &'r BeforeAfterRow>) -> [Option<String>; 2] {
-    let has_zero = |lower: Option<f64>, upper: Option<f64>| lower.zip(upper).is_some_and(|(l, u)| l <= 0.0 && 0.0 <= u);
+    let has_zero = |lower: Option<f64>, upper: Option<f64>| lower.zip(upper).map(|(l, u)| l <= 0.0 && 0.0 <= u);
     let both = |row: &BeforeAfterRow| {
         let before = (row.before_error_percent?, has_zero(row.before_lower_percent, row.before_upper_percent));
         let after = (row.after_error_percent?, has_zero(row.after_lower_percent, row.after_upper_percent));
@@ -290,12 +291,17 @@ fn errors<'r>(what: &str, rows: impl Iterator<Item = &'r BeforeAfterRow>) -> [Op
     };
     let (before, after): (Vec<_>, Vec<_>) = rows.filter_map(both).unzip();
     [("before", before), ("after", after)].map(|(when, errors)| {
-        let (values, zero): (Vec<f64>, Vec<bool>) = errors.into_iter().unzip();
-        let what = format!(
+        let (values, zero): (Vec<f64>, Vec<Option<bool>>) = errors.into_iter().unzip();
+        let mut what = format!(
             "errors of {what} with zero in their interval {when} an effect was added, {:.1} % (root mean square)",
             rms(&values)
         );
-        rate(&what, &zero)
+        let open = zero.iter().filter(|zero| zero.is_none()).count();
+        if open > 0 {
+            what += &format!(", {open} more without an interval");
+        }
+        let known: Vec<bool> = zero.into_iter().flatten().collect();
+        rate(&what, &known).or_else(|| (open > 0).then(|| format!("0 of 0 {what}")))
     })
 }
 
@@ -334,10 +340,18 @@ mod tests {
             after_upper_percent: after.map(|after| after + 2.0),
             unit: "deg".to_owned(),
         };
-        let rows = [row(-8.0, Some(1.0)), row(6.0, Some(-2.5)), row(3.0, None)];
+        let mut rows = [row(-8.0, Some(1.0)), row(6.0, Some(-2.5)), row(3.0, None)];
         let [before, after] = errors("fitted means", rows.iter()).map(Option::unwrap);
         assert!(before.starts_with("0 of 2 ") && before.contains(" 7.1 % "), "{before}");
         assert!(after.starts_with("1 of 2 ") && after.contains(" 1.9 % "), "{after}");
         assert_eq!(errors("fitted means", rows[2..].iter()), [None, None]);
+
+        // The second has no interval afterwards: neither a hit nor a miss, and its error still counts.
+        rows[1].after_lower_percent = None;
+        let [before, after] = errors("fitted means", rows.iter()).map(Option::unwrap);
+        assert!(before.starts_with("0 of 2 ") && !before.contains("without"), "{before}");
+        assert!(after.starts_with("1 of 1 ") && after.contains(" 1.9 % (root mean square), 1 more without"), "{after}");
+        let [_, after] = errors("fitted means", rows[1..].iter()).map(Option::unwrap);
+        assert!(after.starts_with("0 of 0 ") && after.contains("1 more without an interval"), "{after}");
     }
 }
