@@ -272,7 +272,11 @@ const PRIOR: &[Key] = &[
     required("measured", Kind::Measured, "the data set whose material it was"),
     required("mean", Kind::Quantity, "measured mean"),
     required("sd", Kind::Quantity, "standard deviation of one measurement"),
-    required("n", Kind::Count(2, MANY), "number of measurements; the mean is known to sd/sqrt(n)"),
+    required(
+        "n",
+        Kind::Count(2, MANY),
+        "number of measurements; the mean is known to sd/sqrt(n), in the diagnosis with the tails of Student's t",
+    ),
 ];
 
 const STATISTICS: &[Key] = &[

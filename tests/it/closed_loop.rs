@@ -7,7 +7,9 @@
 
 use crate::support::{Study, shipped_setup};
 use granulake::store::table;
-use granulake::tables::{AttributionRow, BeforeAfterRow, DIAGNOSE_RUNS, RecalibrationRow, RunRow, VerdictRow};
+use granulake::tables::{
+    AttributionRow, BeforeAfterRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, KpiRow, RecalibrationRow, RunRow, VerdictRow,
+};
 use std::collections::BTreeSet;
 
 const HEAD: &str = r#"
@@ -98,6 +100,26 @@ fn hidden_effects_are_named_and_nothing_else_is() {
     assert_eq!(verdict("plain").verdict, "no_detectable_discrepancy", "{}", verdict("plain").sentence);
     assert_eq!(verdict("foreign").verdict, "none_of_the_candidates", "{}", verdict("foreign").sentence);
     assert_eq!(verdict("paper").verdict, "not_attributable", "{}", verdict("paper").sentence);
+    assert_eq!(optimum_is_where_runs_stand(&study, "paper"), 1, "no closer look, so the optimum stays");
+    for (name, _) in SETS {
+        let places = optimum_is_where_runs_stand(&study, name);
+        assert!((1..=4).contains(&places), "{name}: {places}");
+    }
+}
+
+/// "Before" is the mean of the runs at the last place at which the optimum was simulated; gives the number of such places.
+fn optimum_is_where_runs_stand(study: &Study, name: &str) -> u32 {
+    let kpis: Vec<KpiRow> = table::read(&study.path("artifacts"), &DIAGNOSE_KPIS).expect("a table");
+    let label = format!("{name}/before");
+    let of_label: Vec<&KpiRow> = kpis.iter().filter(|row| row.label == label && row.kpi == "angle_of_repose").collect();
+    let places = of_label.iter().map(|row| row.point).max().expect("runs at the optimum");
+    let last: Vec<f64> = of_label.iter().filter(|row| row.point == places).filter_map(|row| row.value).collect();
+    let mean = last.iter().sum::<f64>() / last.len() as f64;
+    let rows: Vec<BeforeAfterRow> = study.table();
+    let is_it = |row: &&BeforeAfterRow| row.measured == name && row.kpi == "angle_of_repose" && row.statistic == "mean";
+    let before = rows.iter().find(is_it).and_then(|row| row.before).expect("a mean");
+    assert!((before - mean).abs() < 1e-9 * mean.abs(), "{name}: {before} in the table, {mean} of the runs");
+    places
 }
 
 /// Within three standard errors, and the model that is simulated has what the verdict says.

@@ -3,18 +3,19 @@
 //! Metamodels trained over the whole space can be wrong by several standard errors of a measurement at an optimum, in their
 //! slopes too, and more runs at the optimum itself tell neither. So the region that the fit leaves open is sampled, the
 //! metamodels learn what was seen, and the fit is repeated; the region follows the optimum, near or far, until that lies well inside
-//! one that was looked at.
+//! one that was looked at. Then the optimum itself is simulated, and the fit repeated with the scatter seen there, until the
+//! runs stand where it is.
 
 use super::direct::{self, Axis};
-use super::evidence::Evidence;
+use super::evidence::{Evidence, Noise};
 use super::fit::{self, Surface, Weights};
 use super::lab::Lab;
-use super::moments::Batch;
+use super::moments::{Batch, Shape};
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, Parameter};
 use crate::stats::design::latin::{Annealing, conditional_latin_hypercube};
 use crate::stats::points::Points;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// Most regions that are looked at, one after the other.
 const ROUNDS: usize = 6;
@@ -24,6 +25,11 @@ const WIDTH: f64 = 4.0;
 const HALF: (f64, f64) = (0.2, 0.3);
 /// Share of its width by which an optimum inside a region keeps away from the faces.
 const MARGIN: f64 = 0.25;
+/// Most places at which an optimum is simulated, one after the other.
+const STANDS: u32 = 4;
+/// How much less likely, in −2 ln likelihood, the place of the runs may be than the optimum and still count as it: half a
+/// standard error.
+const STAYS: f64 = 0.25;
 
 /// Runs at a point of the unit cube.
 pub type Run = (DVector<f64>, Batch);
@@ -92,6 +98,24 @@ pub struct Seen {
     pub runs: Vec<Run>,
 }
 
+/// An optimum that was simulated.
+pub struct Stood {
+    /// The metamodels, which know the runs.
+    pub surface: Surface,
+    /// Where the runs were made.
+    pub optimum: DVector<f64>,
+    /// Covariance of the optimum, with the scatter of the runs there.
+    pub covariance: DMatrix<f64>,
+    /// The runs there.
+    pub batch: Batch,
+    /// Runs elsewhere: around the optimum, and where it was thought to be before.
+    pub runs: Vec<Run>,
+    /// How repetitions near the optimum scatter.
+    pub shape: Shape,
+    /// How well the statistics are known.
+    pub noise: Noise,
+}
+
 impl Look<'_> {
     /// Looks at the region of `fit`, the optimum of `surface`, and at that of the next optimum, until it lies in one that
     /// was looked at.
@@ -106,6 +130,42 @@ impl Look<'_> {
             fit = self.fit(&surface, &fit.parameters)?;
         }
         Ok(Seen { surface, fit, runs })
+    }
+
+    /// Simulates the optimum and fits again by the scatter of the runs there and of those at the `centre`, until the optimum stays
+    /// where it was simulated. Without a closer look, which leaves it where metamodels alone see it, it is simulated once.
+    /// `None` where an observable could not be measured.
+    pub fn stand(&self, lab: &mut Lab, label: &str, seen: Seen, centre: &Batch) -> Result<Option<Stood>, StageError> {
+        let Seen { mut surface, fit, mut runs } = seen;
+        let rounds = if runs.is_empty() { 1 } else { STANDS };
+        let mut optimum = fit.parameters;
+        for round in 1.. {
+            let name = (label.to_owned(), round);
+            let repetitions = self.context.config.diagnose.refine_repetitions;
+            let job = direct::job(self.context, name, optimum.as_slice(), self.effect, repetitions)?;
+            let batch = lab.run(&[job])?.remove(0);
+            let around = Batch::deviations(&runs.iter().map(|(_, batch)| batch).collect::<Vec<_>>());
+            let Some((shape, noise)) = self.evidence.scatter(&[centre.clone(), around, batch.clone()]) else { break };
+            surface = surface.knowing(&[(optimum.clone(), batch.clone())]);
+            let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
+            let next = Look { weights, starts: self.starts.clone(), label: self.label.clone(), ..*self };
+            let fit = next.fit(&surface, &optimum)?;
+            if round == rounds || next.stays(&surface, &optimum, &fit) {
+                let parameters = (self.parameters)(optimum.as_slice());
+                let Some(covariance) = fit::covariance_at(&surface, weights, &optimum, &parameters) else { break };
+                return Ok(Some(Stood { surface, optimum, covariance, batch, runs, shape, noise }));
+            }
+            runs.push((std::mem::replace(&mut optimum, fit.parameters), batch));
+        }
+        Ok(None)
+    }
+
+    /// Whether a place is nearly as likely as the optimum of a fit.
+    fn stays(&self, surface: &Surface, place: &DVector<f64>, fit: &GlsFit) -> bool {
+        let ln_posterior = |x: &DVector<f64>| {
+            self.weights.ln_posterior(surface, &self.evidence.values, &(self.parameters)(x.as_slice()), x)
+        };
+        2.0 * (ln_posterior(&fit.parameters) - ln_posterior(place)) < STAYS
     }
 
     fn run(&self, lab: &mut Lab, region: &Region, round: usize) -> Result<Vec<Run>, StageError> {
@@ -130,7 +190,6 @@ impl Look<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::DMatrix;
 
     fn fit(parameters: &[f64], sds: &[f64]) -> GlsFit {
         let p = parameters.len();

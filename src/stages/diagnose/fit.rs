@@ -14,7 +14,7 @@ use crate::stages::{Context, StageError};
 use crate::stats::attribution::{GlsFit, GlsOptions, Parameter, Prior, gls_fit};
 use crate::stats::metamodel::{Metamodel, Observations, Prediction, Response};
 use crate::stats::points::Points;
-use crate::stats::special::trigamma;
+use crate::stats::special::{normal_quantile, student_t_quantile, trigamma};
 use crate::stats::summary::{ln_sd, mean, sd};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -329,12 +329,19 @@ pub fn parameters(config: &Config, measured: &Measured, start: &[f64]) -> Vec<Pa
         lower: 0.0,
         upper: 1.0,
         prior: prior(parameter.name).map(|prior| {
-            let error = prior.sd / f64::from(prior.n).sqrt();
+            let error = error_of_mean(prior.sd, prior.n);
             let width = parameter.to_unit(prior.mean + 0.5 * error) - parameter.to_unit(prior.mean - 0.5 * error);
             Prior { mean: parameter.to_unit(prior.mean), sd: width }
         }),
     };
     config.parameters.iter().zip(start).map(parameter).collect()
+}
+
+/// Standard error of the mean of n ≥ 2 values whose standard deviation is known from themselves: of the normal distribution with
+/// the 95 % interval of Student's t.
+fn error_of_mean(sd: f64, n: u32) -> f64 {
+    let tails = student_t_quantile(0.975, f64::from(n) - 1.0) / normal_quantile(0.975);
+    tails * sd / f64::from(n).sqrt()
 }
 
 /// What a fit weighs by: covariance of the measured values, and correlation of the metamodels' errors.
@@ -418,9 +425,30 @@ pub fn two_passes(
         }
     }
     let best = best.ok_or(StageError::Input { what: "there is no start for the fit".into(), remedy: "report this" })?;
-    let slopes = surface.slopes(&best.fit.parameters, weights.correlation);
-    let priors = parameters(best.fit.parameters.as_slice());
-    Ok(Fitted { fit: with_slope_errors(best.fit, &slopes, &best.covariance, &priors), ..best })
+    let Fitted { mut fit, covariance, misfit } = best;
+    let held: Vec<bool> = fit.at_bound.iter().map(Option::is_some).collect();
+    let priors = parameters(fit.parameters.as_slice());
+    let slopes = surface.slopes(&fit.parameters, weights.correlation);
+    if let Some(warranted) = with_slope_errors(&slopes, &covariance, &priors, &held) {
+        fit.covariance = warranted;
+    }
+    Ok(Fitted { fit, covariance, misfit })
+}
+
+/// Covariance of the parameters at `x` as of a fit that ends there (p × p), zero for those on a face of the unit cube.
+pub fn covariance_at(
+    surface: &Surface,
+    weights: Weights,
+    x: &DVector<f64>,
+    parameters: &[Parameter],
+) -> Option<DMatrix<f64>> {
+    let slopes = surface.slopes(x, weights.correlation);
+    with_slope_errors(&slopes, &weights.at(surface, x), parameters, &at_bound(x))
+}
+
+/// Which parameters lie on a face of the unit cube.
+pub fn at_bound(u: &DVector<f64>) -> Vec<bool> {
+    u.iter().map(|x| *x <= 0.0 || *x >= 1.0).collect()
 }
 
 /// Two optima nearer than this in every coordinate of the unit cube are one.
@@ -434,14 +462,21 @@ fn ln_det(factor: &Cholesky<f64, Dyn>) -> f64 {
 /// Variance of what is only known to lie within the unit interval.
 const UNIFORM: f64 = 1.0 / 12.0;
 
-/// The fit with the covariance that its slopes warrant: (JᵀΣ⁻¹J − diag(tr Σ⁻¹C_j) + priors)⁻¹ over the free parameters, C_j
-/// being the covariance of the error of column j. Errors of slopes lengthen them, JᵀΣ⁻¹J on average by the trace taken
-/// off here: without it a flat direction looks known. What then is not positive is known to the range alone.
-fn with_slope_errors(mut fit: GlsFit, slopes: &Slopes, covariance: &DMatrix<f64>, parameters: &[Parameter]) -> GlsFit {
-    let Some(factor) = covariance.clone().cholesky() else { return fit };
-    let free: Vec<usize> = (0..parameters.len()).filter(|i| fit.at_bound[*i].is_none()).collect();
+/// The covariance that slopes warrant: (JᵀΣ⁻¹J − diag(tr Σ⁻¹C_j) + priors)⁻¹ over the parameters that no bound holds, zero for the
+/// others, C_j being the covariance of the error of column j. Errors of slopes lengthen them, JᵀΣ⁻¹J on average by the trace
+/// taken off here: without it a flat direction looks known. What then is not positive is known to the range alone. `None` if
+/// Σ is not positive definite.
+fn with_slope_errors(
+    slopes: &Slopes,
+    noise: &DMatrix<f64>,
+    parameters: &[Parameter],
+    held: &[bool],
+) -> Option<DMatrix<f64>> {
+    let factor = noise.clone().cholesky()?;
+    let mut covariance = DMatrix::zeros(held.len(), held.len());
+    let free: Vec<usize> = (0..held.len()).filter(|i| !held[*i]).collect();
     if free.is_empty() {
-        return fit;
+        return Some(covariance);
     }
     let jacobian = slopes.jacobian.select_columns(&free);
     let mut information = jacobian.tr_mul(&factor.solve(&jacobian));
@@ -451,13 +486,13 @@ fn with_slope_errors(mut fit: GlsFit, slopes: &Slopes, covariance: &DMatrix<f64>
     }
     let eigen = information.symmetric_eigen();
     let variances = eigen.eigenvalues.map(|value| 1.0 / (value.max(0.0) + 1.0 / UNIFORM));
-    let free_covariance = &eigen.eigenvectors * DMatrix::from_diagonal(&variances) * eigen.eigenvectors.transpose();
+    let of_free = &eigen.eigenvectors * DMatrix::from_diagonal(&variances) * eigen.eigenvectors.transpose();
     for (a, i) in free.iter().enumerate() {
         for (b, j) in free.iter().enumerate() {
-            fit.covariance[(*i, *j)] = free_covariance[(a, b)];
+            covariance[(*i, *j)] = of_free[(a, b)];
         }
     }
-    fit
+    Some(covariance)
 }
 
 /// Points from which a fit over the parameters starts: the centre, and one towards every corner.
@@ -483,6 +518,15 @@ pub fn gls(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Quantiles of Student's t as printed in tables: 12.706 (1 degree of freedom) and 2.262 (9), 2.5 % a side; 1.960 of the normal.
+    #[test]
+    fn a_mean_of_few_values_is_known_as_well_as_student_says() {
+        for (n, quantile) in [(2, 12.706), (10, 2.262), (1_000_000, 1.960)] {
+            let expected = quantile / 1.960 * 30.0 / f64::from(n).sqrt();
+            assert!((error_of_mean(30.0, n) / expected - 1.0).abs() < 1e-3, "{n}: {}", error_of_mean(30.0, n));
+        }
+    }
 
     #[test]
     fn only_errors_of_means_go_together_as_repetitions_do() {

@@ -10,7 +10,7 @@ use super::joint::Contender;
 use super::lab::Lab;
 use super::moments::{Moment, Moments};
 use super::rows;
-use super::verdict::{Case, Examined, HOPELESS, at_bound, attributed, examine, options, prepare};
+use super::verdict::{Case, Examined, HOPELESS, attributed, examine, options, prepare};
 use crate::config::Measured;
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
@@ -95,7 +95,7 @@ impl<'a> Panel<'a> {
             noise,
             slopes: surface.slopes(&fitted.parameters, &shape.correlation),
             optimum_covariance: fitted.covariance,
-            at_bound: at_bound(&fitted.parameters),
+            at_bound: fit::at_bound(&fitted.parameters),
             before: known.before.clone(),
             runs: known.runs.clone(),
             model: Moments { values, covariance },

@@ -2,9 +2,8 @@
 
 use super::anchors::Anchors;
 use super::before_after;
-use super::closer::{Look, Run, Seen};
+use super::closer::{Look, Run, Seen, Stood};
 use super::controls::Offset;
-use super::direct;
 use super::evidence::{Evidence, Noise};
 use super::fit::{self, Slopes, Surface, Weights};
 use super::joint::Contender;
@@ -45,7 +44,7 @@ pub struct Case<'a> {
     pub at_bound: Vec<bool>,
     /// Runs at the optimum.
     pub before: Batch,
-    /// Runs around the optimum.
+    /// Runs around the optimum, and where it was thought to be before.
     pub runs: Vec<Run>,
     /// Statistics of those runs.
     pub model: Moments,
@@ -177,39 +176,32 @@ pub fn prepare<'a>(
         starts,
     };
     // Where a verdict is to follow, here or for another set, runs around the optimum correct it.
-    let Seen { surface, fit, runs } = match comparable(context, set) || is_control(context, set) {
+    let seen = match comparable(context, set) || is_control(context, set) {
         true => look.settle(lab, surface, fit)?,
         false => Seen { surface, fit, runs: Vec::new() },
     };
-    let before = direct::batch(context, lab, format!("{}/before", set.name), &fit.parameters, &[])?;
-    let around: Vec<&Batch> = runs.iter().map(|(_, batch)| batch).collect();
-    let [centre] = near;
-    let Some((shape, noise)) = evidence.scatter(&[centre, Batch::deviations(&around), before.clone()]) else {
+    let [centre] = &near;
+    let Some(stood) = look.stand(lab, &format!("{}/before", set.name), seen, centre)? else {
         return Ok(Err(UNMEASURED.to_owned()));
     };
+    let Stood { surface, optimum, covariance, batch: before, runs, shape, noise } = stood;
     let Some(model) = before.moments(&evidence.statistics, &shape) else { return Ok(Err(UNMEASURED.to_owned())) };
-    let surface = surface.knowing(&[(fit.parameters.clone(), before.clone())]);
     let case = Case {
         context,
         set,
-        slopes: surface.slopes(&fit.parameters, &shape.correlation),
+        slopes: surface.slopes(&optimum, &shape.correlation),
         model: without_trends(&evidence, model),
         evidence,
         noise,
-        at_bound: at_bound(&fit.parameters),
-        optimum: fit.parameters,
-        optimum_covariance: fit.covariance,
+        at_bound: fit::at_bound(&optimum),
+        optimum,
+        optimum_covariance: covariance,
         before,
         runs,
         shape,
         left_out: context.config.diagnose.left_out.clone(),
     };
     Ok(Ok((case, surface)))
-}
-
-/// Which parameters lie on a face of the unit cube.
-pub fn at_bound(u: &DVector<f64>) -> Vec<bool> {
-    u.iter().map(|x| *x <= 0.0 || *x >= 1.0).collect()
 }
 
 /// Statistics of the plain model: its repetitions are independent, so that its trends are zero and known to be. What is
