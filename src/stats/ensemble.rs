@@ -6,6 +6,7 @@
 //! correlations, and how far the draws are independent. Random numbers are drawn in sequence and only densities are computed in
 //! parallel: the same bits for any number of threads. Suited to a handful of coordinates.
 
+use super::linalg::symmetric_eigen;
 use super::optimise::Bounds;
 use super::points::Points;
 use crate::rng::Stream;
@@ -294,45 +295,82 @@ impl Sample {
     /// Covariance of the parameters, shape (n_parameters, n_parameters).
     pub fn covariance(&self) -> DMatrix<f64> {
         let (marginals, correlations) = (self.marginals(), self.correlations());
-        let covariance = |i: usize, j: usize| correlations[i][j] * marginals[i].sd * marginals[j].sd;
+        let covariance = |i: usize, j: usize| match marginals[i].sd * marginals[j].sd {
+            0.0 => 0.0,
+            product => correlations[i][j] * product,
+        };
         DMatrix::from_fn(marginals.len(), marginals.len(), covariance)
+    }
+
+    /// Steps of one standard deviation each whose squares add up to the covariance: along the principal axes of what the other
+    /// parameters scatter where the last one is given, and last along the line on which they follow it.
+    pub fn steps(&self) -> Vec<Vec<f64>> {
+        let (line, covariance) = (self.line(), self.covariance());
+        let last = line.len() - 1;
+        let left = |i: usize, j: usize| covariance[(i, j)] - line[i] * line[j];
+        let rows: Vec<Vec<f64>> = (0..last).map(|i| (0..last).map(|j| left(i, j)).collect()).collect();
+        let step = |(variance, axis): (f64, Vec<f64>)| {
+            axis.iter().map(|part| part * variance.max(0.0).sqrt()).chain([0.0]).collect()
+        };
+        symmetric_eigen(&rows).into_iter().map(step).chain([line]).collect()
+    }
+
+    /// The place `k` steps from the mean of all, within the unit cube.
+    pub fn at(&self, step: &[f64], k: f64) -> Vec<f64> {
+        self.means().zip(step).map(|(mean, step)| (mean + k * step).clamp(0.0, 1.0)).collect()
     }
 
     /// The place on the line on which the parameters follow the last one, `k` of its standard deviations from the mean of all and within the
     /// unit cube.
     pub fn along(&self, k: f64) -> Vec<f64> {
-        let (mean, step) = self.line();
-        mean.iter().zip(&step).map(|(mean, step)| (mean + k * step).clamp(0.0, 1.0)).collect()
+        self.at(&self.line(), k)
     }
 
-    /// That line: the mean, and a step of one standard deviation of the last parameter with the mean change of all others over it.
-    fn line(&self) -> (Vec<f64>, Vec<f64>) {
-        let (marginals, correlations) = (self.marginals(), self.correlations());
-        let last = marginals.len() - 1;
-        let step = |(marginal, row): (&Marginal, &Vec<f64>)| row[last] * marginal.sd;
-        (
-            marginals.iter().map(|marginal| marginal.mean).collect(),
-            marginals.iter().zip(&correlations).map(step).collect(),
-        )
+    fn means(&self) -> impl Iterator<Item = f64> {
+        self.marginals().into_iter().map(|marginal| marginal.mean)
     }
 
-    /// The same draws, `factor` times as far apart along the line of [`Self::along`] and as far as before across it, within the unit cube.
-    /// Draws that all have the same last parameter have no line and stay.
+    /// A step on that line: one standard deviation of the last parameter with the mean change of all others over it. A last parameter
+    /// that is the same in all draws has none.
+    fn line(&self) -> Vec<f64> {
+        let covariance = self.covariance();
+        let last = covariance.nrows() - 1;
+        let sd = covariance[(last, last)].sqrt();
+        let step = |i: usize| if sd > 0.0 { covariance[(i, last)] / sd } else { 0.0 };
+        (0..=last).map(step).collect()
+    }
+
+    /// The same draws, further apart by a factor for every one of [`Self::steps`], within the unit cube.
     #[must_use]
-    pub fn stretched(&self, factor: f64) -> Self {
-        let (mean, step) = self.line();
-        let last = mean.len() - 1;
-        if step[last].is_nan() || step[last] <= 0.0 {
-            return self.clone();
-        }
-        let mut points = Points::empty(mean.len());
+    pub fn stretched(&self, factors: &[f64]) -> Self {
+        let (means, steps) = (self.means().collect::<Vec<f64>>(), self.steps());
+        let last = steps.len() - 1;
+        let mut points = Points::empty(means.len());
         for row in self.points.rows() {
-            let further = (factor - 1.0) * (row[last] - mean[last]) / step[last];
-            let moved = row.iter().zip(&step).map(|(x, step)| (x + further * step).clamp(0.0, 1.0));
-            points.push(&moved.collect::<Vec<f64>>());
+            let off: Vec<f64> = row.iter().zip(&means).map(|(x, mean)| x - mean).collect();
+            let on_line = ratio(off[last], steps[last][last]);
+            let across: Vec<f64> = off.iter().zip(&steps[last]).map(|(off, step)| off - on_line * step).collect();
+            let mut moved = row.to_vec();
+            for (step, factor) in steps.iter().zip(factors) {
+                let is_line = step[last] != 0.0;
+                let number = if is_line { on_line } else { ratio(dot(&across, step), dot(step, step)) };
+                for (x, step) in moved.iter_mut().zip(step) {
+                    *x += (factor - 1.0) * number * step;
+                }
+            }
+            points.push(&moved.iter().map(|x| x.clamp(0.0, 1.0)).collect::<Vec<f64>>());
         }
         Self { points, ..self.clone() }
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// a/b, and nothing of a step that has no length.
+fn ratio(a: f64, b: f64) -> f64 {
+    if b == 0.0 { 0.0 } else { a / b }
 }
 
 #[cfg(test)]
@@ -379,18 +417,41 @@ mod tests {
 
     /// The first coordinate falls by twice what the last gains, and scatters by 0.05 about that.
     #[test]
-    fn draws_are_stretched_along_their_line_and_not_across_it() {
+    fn draws_are_stretched_along_their_line_and_across_it() {
         let found = drawn(&[[0.75, 0.4], [0.65, 0.4], [0.35, 0.6], [0.25, 0.6]]);
         let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
         for (k, expected) in [(0.0, [0.5, 0.5]), (1.0, [0.3, 0.6]), (-2.0, [0.9, 0.3]), (9.0, [0.0, 1.0])] {
             assert!(close(&found.along(k), &expected), "{:?}", found.along(k));
         }
-        let wide = found.stretched(1.5);
-        let expected = [[0.85, 0.35], [0.75, 0.35], [0.25, 0.65], [0.15, 0.65]];
-        assert!(wide.points.rows().zip(expected).all(|(row, expected)| close(row, &expected)), "{wide:?}");
-        assert!(found.stretched(50.0).points.rows().flatten().all(|x| (0.0..=1.0).contains(x)));
-        let level = drawn(&[[0.2, 0.5], [0.4, 0.5]]);
-        assert_eq!(level.stretched(2.0), level);
+        for (factors, expected) in [
+            ([1.0, 1.5], [[0.85, 0.35], [0.75, 0.35], [0.25, 0.65], [0.15, 0.65]]),
+            ([2.0, 1.0], [[0.8, 0.4], [0.6, 0.4], [0.4, 0.6], [0.2, 0.6]]),
+        ] {
+            let wide = found.stretched(&factors);
+            assert!(wide.points.rows().zip(expected).all(|(row, expected)| close(row, &expected)), "{wide:?}");
+        }
+        assert!(found.stretched(&[50.0, 50.0]).points.rows().flatten().all(|x| (0.0..=1.0).contains(x)));
+        let level = drawn(&[[0.25, 0.5], [0.5, 0.5]]);
+        assert_eq!(level.stretched(&[1.0, 2.0]), level);
+        assert_eq!(level.stretched(&[2.0, 2.0]), drawn(&[[0.125, 0.5], [0.625, 0.5]]));
+    }
+
+    /// Two parameters that scatter askew about a line, one of them following the last.
+    #[test]
+    fn steps_add_up_to_the_covariance_and_only_the_last_moves_the_last() {
+        let mut stream = Stream::new(5, "steps");
+        let row = |stream: &mut Stream| {
+            let [a, b, c] = [0.08, 0.03, 0.05].map(|sd| sd * stream.normal());
+            [0.5 + (a + b) * 0.6 + 2.0 * c, 0.5 + (a - b) * 0.8, 0.5 + c]
+        };
+        let found = drawn(&(0..500).map(|_| row(&mut stream)).collect::<Vec<_>>());
+        let (steps, covariance) = (found.steps(), found.covariance());
+        assert!(steps[..2].iter().all(|step| step[2] == 0.0) && steps[2] == found.line());
+        assert!(dot(&steps[0], &steps[1]).abs() < 1e-12, "{steps:?}");
+        for (i, j) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)] {
+            let sum: f64 = steps.iter().map(|step| step[i] * step[j]).sum();
+            assert!((sum - covariance[(i, j)]).abs() < 1e-12, "{i} {j}: {sum} {}", covariance[(i, j)]);
+        }
     }
 
     /// The same walk: only its length depends on how many draws are asked for, and it stops at the first that is enough.

@@ -4,7 +4,7 @@
 //! slopes too, and more runs at the optimum itself tell neither. So the region that the fit leaves open is sampled, the
 //! metamodels learn what was seen, and the fit is repeated; the region follows the optimum, near or far, until that lies well inside
 //! one that was looked at. Then the optimum itself is simulated, and the fit repeated with the scatter seen there, until the
-//! runs stand where it is.
+//! runs stand where it is. Fits without an effect and with one go the same way.
 
 use super::direct::{self, Axis};
 use super::evidence::{Evidence, Noise};
@@ -132,10 +132,16 @@ impl Look<'_> {
         Ok(Seen { surface, fit, runs })
     }
 
-    /// Simulates the optimum and fits again by the scatter of the runs there and of those at the `centre`, until the optimum stays
-    /// where it was simulated. Without a closer look, which leaves it where metamodels alone see it, it is simulated once.
+    /// Simulates the optimum and fits again by the scatter of the runs there, of those around it and, where they are of the same
+    /// model, of those at the `centre`, until the optimum stays where it was simulated. Without a closer look, which leaves it where metamodels alone see it, it is simulated once.
     /// `None` where an observable could not be measured.
-    pub fn stand(&self, lab: &mut Lab, label: &str, seen: Seen, centre: &Batch) -> Result<Option<Stood>, StageError> {
+    pub fn stand(
+        &self,
+        lab: &mut Lab,
+        label: &str,
+        seen: Seen,
+        centre: Option<&Batch>,
+    ) -> Result<Option<Stood>, StageError> {
         let Seen { mut surface, fit, mut runs } = seen;
         let rounds = if runs.is_empty() { 1 } else { STANDS };
         let mut optimum = fit.parameters;
@@ -145,7 +151,8 @@ impl Look<'_> {
             let job = direct::job(self.context, name, optimum.as_slice(), self.effect, repetitions)?;
             let batch = lab.run(&[job])?.remove(0);
             let around = Batch::deviations(&runs.iter().map(|(_, batch)| batch).collect::<Vec<_>>());
-            let Some((shape, noise)) = self.evidence.scatter(&[centre.clone(), around, batch.clone()]) else { break };
+            let near: Vec<Batch> = centre.cloned().into_iter().chain([around, batch.clone()]).collect();
+            let Some((shape, noise)) = self.evidence.scatter(&near) else { break };
             surface = surface.knowing(&[(optimum.clone(), batch.clone())]);
             let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
             let next = Look { weights, starts: self.starts.clone(), label: self.label.clone(), ..*self };

@@ -11,11 +11,11 @@
 //! however far the parameters move.
 
 use super::anchors::{Anchors, place_of, strength_at};
-use super::closer::{Look, Run, Seen};
-use super::direct::{self, Axis};
+use super::closer::{Look, Run, Seen, Stood};
+use super::direct::Axis;
 use super::fit::{self, Fitted, Surface, Weights};
 use super::lab::Lab;
-use super::moments::{Batch, Moment};
+use super::moments::{Batch, Moment, Shape};
 use super::verdict::Case;
 use crate::campaign::CampaignError;
 use crate::effects::{self, Handle};
@@ -69,20 +69,22 @@ pub struct Contender {
 struct Open {
     /// Draws of the parameters and the place of the strength by the likelihood of the metamodels.
     draws: Sample,
-    /// Share of the information on the strength that errors of the metamodels can feign.
-    feigned: f64,
+    /// Share of the information along every one of [`Sample::steps`] that errors of the metamodels can feign; that on the strength
+    /// comes last.
+    feigned: Vec<f64>,
 }
 
 impl Open {
     /// The draws as wide as the metamodels' errors make them.
     ///
     /// These errors also make places look different that are not, and move the optimum among them. Where they feign a share ν of
-    /// the information on the strength, 1 − ν of it is real, and the optimum has a variance of 1 − ν from the noise and of ν from the
+    /// the information along a step, 1 − ν of it is real, and the optimum has a variance of 1 − ν from the noise and of ν from the
     /// errors, over (1 − ν)²: the draws are as wide as that, 1/(1 − ν) times, along the line on which the parameters follow the
-    /// strength. Assumes that all statistics are linear along the line and that errors a standard deviation apart are independent
-    /// of each other.
+    /// strength and along the principal axes across it. Assumes that all statistics are linear along a step and that errors a standard
+    /// deviation apart are independent of each other.
     fn widened(&self) -> Sample {
-        self.draws.stretched(1.0 / (1.0 - self.feigned.min(MOST_FEIGNED)))
+        let factors: Vec<f64> = self.feigned.iter().map(|share| 1.0 / (1.0 - share.min(MOST_FEIGNED))).collect();
+        self.draws.stretched(&factors)
     }
 }
 
@@ -93,6 +95,8 @@ struct Tie {
     x: DVector<f64>,
     /// These runs.
     batch: Batch,
+    /// How repetitions scatter there and around it.
+    shape: Shape,
 }
 
 /// The optimum with the effect in the model.
@@ -163,66 +167,68 @@ impl Contender {
     /// Runs the simulation around the joint optimum and at it. Nothing is run where the strength comes out as zero.
     pub fn tie(&mut self, case: &Case, lab: &mut Lab) -> Result<(), StageError> {
         self.was_run = true;
-        let (Ok(global), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(()) };
+        let Some(found) = self.fit(case)? else { return Ok(()) };
         self.absent = !self.has_strength(&found);
         if self.absent {
             return Ok(());
         }
-        let (surface, found) = self.around(case, lab, global.clone(), found)?;
-        self.absent = !self.has_strength(&found);
+        let Some(seen) = self.seen(case, lab, found)? else { return Ok(()) };
+        self.absent = !self.has_strength(&self.joint(case, seen.fit.clone()));
         if self.absent {
-            self.surface = Ok(surface);
+            self.surface = Ok(seen.surface);
             return Ok(());
         }
-        self.stand(case, lab, surface, found)
+        self.stand(case, lab, seen)
     }
 
     /// The same where the strength comes out as zero, for other data sets of the same truth.
     pub fn tie_anyway(&mut self, case: &Case, lab: &mut Lab) -> Result<(), StageError> {
-        let (Ok(global), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(()) };
-        let (surface, found) = self.around(case, lab, global.clone(), found)?;
+        let Some(found) = self.fit(case)? else { return Ok(()) };
+        let Some(seen) = self.seen(case, lab, found)? else { return Ok(()) };
         self.absent = false;
-        self.stand(case, lab, surface, found)
+        self.stand(case, lab, seen)
     }
 
-    /// Runs around the joint optimum; gives the metamodels that know them and their optimum.
-    fn around(
-        &self,
-        case: &Case,
-        lab: &mut Lab,
-        global: Surface,
-        found: JointFit,
-    ) -> Result<(Surface, JointFit), StageError> {
+    /// Runs around the joint optimum; `None` without a model.
+    fn seen(&self, case: &Case, lab: &mut Lab, found: JointFit) -> Result<Option<Seen>, StageError> {
+        let Ok(global) = &self.surface else { return Ok(None) };
         let parameters = |start: &[f64]| self.parameters(case, start);
-        let look = Look {
+        self.look(case, &parameters).settle(lab, global.clone(), found.fit).map(Some)
+    }
+
+    /// Runs at the joint optimum, which tie the metamodels there. They stay as they are where an observable could not be measured.
+    fn stand(&mut self, case: &Case, lab: &mut Lab, seen: Seen) -> Result<(), StageError> {
+        let parameters = |start: &[f64]| self.parameters(case, start);
+        let label = format!("{}/with {}", case.set.name, self.name());
+        if let Some(Stood { surface, optimum: x, batch, shape, .. }) =
+            self.look(case, &parameters).stand(lab, &label, seen, None)?
+        {
+            self.surface = Ok(surface);
+            self.tie = Some(Tie { x, batch, shape });
+        }
+        Ok(())
+    }
+
+    fn look<'a>(&'a self, case: &'a Case, parameters: &'a dyn Fn(&[f64]) -> Vec<Parameter>) -> Look<'a> {
+        Look {
             context: case.context,
             evidence: &case.evidence,
             label: format!("{}/around {}", case.set.name, self.name()),
             effect: Some(self.axis()),
             weights: Weights { noise: &case.noise.covariance, correlation: &case.shape.correlation },
-            parameters: &parameters,
+            parameters,
             starts: self.starts(case),
-        };
-        let Seen { surface, fit, .. } = look.settle(lab, global, found.fit)?;
-        Ok((surface, self.joint(case, fit)))
+        }
     }
 
-    /// Runs at an optimum of `surface`, which ties it there.
-    fn stand(&mut self, case: &Case, lab: &mut Lab, surface: Surface, found: JointFit) -> Result<(), StageError> {
-        let name = self.name().to_owned();
-        let label = format!("{}/with {name}", case.set.name);
-        let batch = direct::batch(case.context, lab, label, &found.u, &[(name, found.strength)])?;
-        if case.evidence.noise(&batch, &case.shape).is_some() {
-            let x = found.fit.parameters;
-            self.surface = Ok(surface.knowing(&[(x.clone(), batch.clone())]));
-            self.tie = Some(Tie { x, batch });
-        }
-        Ok(())
+    /// How repetitions scatter with the effect as it is fitted; without runs of it, as they do without it.
+    fn shape<'a>(&'a self, case: &'a Case) -> &'a Shape {
+        self.tie.as_ref().map_or(&case.shape, |tie| &tie.shape)
     }
 
     /// Covariance of the measured values, with the scatter of the runs at the tie.
     fn noise(&self, case: &Case) -> DMatrix<f64> {
-        let known = self.tie.as_ref().and_then(|tie| case.evidence.noise(&tie.batch, &case.shape));
+        let known = self.tie.as_ref().and_then(|tie| case.evidence.noise(&tie.batch, &tie.shape));
         known.map_or_else(|| case.noise.covariance.clone(), |noise| noise.covariance)
     }
 
@@ -268,7 +274,7 @@ impl Contender {
             return Ok(());
         };
         let noise = self.noise(case);
-        let weights = Weights { noise: &noise, correlation: &case.shape.correlation };
+        let weights = Weights { noise: &noise, correlation: &self.shape(case).correlation };
         let parameters = self.parameters(case, fit.parameters.as_slice());
         let ln_density = |x: &[f64]| {
             weights.ln_posterior(surface, &case.evidence.values, &parameters, &DVector::from_column_slice(x))
@@ -284,7 +290,7 @@ impl Contender {
 
     /// Share of the information on the strength that errors of the metamodels can feign; none where nothing was sampled.
     pub fn feigned(&self) -> Option<f64> {
-        self.open.as_ref().map(|open| open.feigned)
+        self.open.as_ref()?.feigned.last().copied()
     }
 
     /// Draws of the parameters and the place of the strength by the likelihood of the metamodels, if they were sampled.
@@ -338,7 +344,7 @@ impl Contender {
     /// The optimum of the metamodels.
     fn optimum(&self, case: &Case, surface: &Surface) -> Result<Fitted, StageError> {
         let noise = self.noise(case);
-        let weights = Weights { noise: &noise, correlation: &case.shape.correlation };
+        let weights = Weights { noise: &noise, correlation: &self.shape(case).correlation };
         let typical = self.tie.as_ref().map_or_else(|| case.covariance(), |tie| weights.at(surface, &tie.x));
         let parameters = |start: &[f64]| self.parameters(case, start);
         fit::two_passes(surface, &case.evidence, weights, (&typical, &self.starts(case)), parameters)
@@ -440,14 +446,18 @@ impl Contender {
     }
 }
 
-/// Share of the information on the strength that errors of the metamodels can feign: tr Σ⁻¹C/4 with C the covariance of their
-/// error in the change between the places one standard deviation of the draws to either side, where the information is 1 by
-/// their width. Between 0 and 1.
-fn feigned(surface: &Surface, weights: Weights, draws: &Sample) -> f64 {
-    let [low, middle, high] = [-1.0, 0.0, 1.0].map(|k| DVector::from_vec(draws.along(k)));
-    let change = surface.uncertainty_of_change(&low, &high, weights.correlation);
-    let factor = weights.at(surface, &middle).cholesky();
-    factor.map_or(1.0, |factor| (factor.solve(&change).trace() / 4.0).min(1.0))
+/// Share of the information along every step of the draws that errors of the metamodels can feign: tr Σ⁻¹C/4 with C the covariance
+/// of their error in the change between the places one step to either side of the mean, where the information is 1 by the draws'
+/// width. Between 0 and 1.
+fn feigned(surface: &Surface, weights: Weights, draws: &Sample) -> Vec<f64> {
+    let at = |step: &[f64], k: f64| DVector::from_vec(draws.at(step, k));
+    let steps = draws.steps();
+    let factor = weights.at(surface, &at(&steps[0], 0.0)).cholesky();
+    let share = |step: &Vec<f64>| {
+        let change = surface.uncertainty_of_change(&at(step, -1.0), &at(step, 1.0), weights.correlation);
+        factor.as_ref().map_or(1.0, |factor| (factor.solve(&change).trace() / 4.0).min(1.0))
+    };
+    steps.iter().map(share).collect()
 }
 
 /// Standard deviations behind a covariance.
@@ -528,17 +538,19 @@ mod tests {
     use super::*;
     use crate::stats::points::Points;
 
+    /// By its own share along the line, and by the other's across it.
     #[test]
     fn draws_are_widened_by_what_errors_feign_to_twice_their_width_at_most() {
-        let points = Points::from_rows(&[[0.55, 0.4], [0.45, 0.6]], 2).expect("pairs");
-        let draws = Sample { points, ln_density: vec![0.0; 2], acceptance: 0.5, autocorrelation_time: 1.0 };
+        let points = Points::from_rows(&[[0.6, 0.4], [0.5, 0.4], [0.5, 0.6], [0.4, 0.6]], 2).expect("pairs");
+        let draws = Sample { points, ln_density: vec![0.0; 4], acceptance: 0.5, autocorrelation_time: 1.0 };
+        let variance = |line: f64, across: f64| 0.0025 * (line * line + across * across);
         for (feigned, factor) in [(0.0, 1.0), (0.2, 1.25), (0.5, 2.0), (0.9, 2.0)] {
-            let wide = Open { draws: draws.clone(), feigned }.widened();
-            for (narrow, wide) in draws.marginals().iter().zip(wide.marginals()) {
-                assert!(
-                    (wide.sd - factor * narrow.sd).abs() < 1e-12 && (wide.mean - narrow.mean).abs() < 1e-12,
-                    "{wide:?}"
-                );
+            for (shares, expected) in [(vec![0.0, feigned], [1.0, factor]), (vec![feigned, 0.0], [factor, 1.0])] {
+                let wide = Open { draws: draws.clone(), feigned: shares }.widened().covariance();
+                let [across, line] = expected;
+                let whole = [variance(line, across), -0.005 * line * line, 0.01 * line * line];
+                let seen = [wide[(0, 0)], wide[(0, 1)], wide[(1, 1)]];
+                assert!(seen.iter().zip(whole).all(|(seen, whole)| (seen - whole).abs() < 1e-12), "{wide}");
             }
         }
     }

@@ -181,7 +181,7 @@ pub fn prepare<'a>(
         false => Seen { surface, fit, runs: Vec::new() },
     };
     let [centre] = &near;
-    let Some(stood) = look.stand(lab, &format!("{}/before", set.name), seen, centre)? else {
+    let Some(stood) = look.stand(lab, &format!("{}/before", set.name), seen, Some(centre))? else {
         return Ok(Err(UNMEASURED.to_owned()));
     };
     let Stood { surface, optimum, covariance, batch: before, runs, shape, noise } = stood;
