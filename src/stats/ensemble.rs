@@ -344,16 +344,16 @@ impl Sample {
     #[must_use]
     pub fn stretched(&self, factors: &[f64]) -> Self {
         let (means, steps) = (self.means().collect::<Vec<f64>>(), self.steps());
-        let last = steps.len() - 1;
+        let Some((line, axes)) = steps.split_last() else { return self.clone() };
+        let last = line.len() - 1;
         let mut points = Points::empty(means.len());
         for row in self.points.rows() {
             let off: Vec<f64> = row.iter().zip(&means).map(|(x, mean)| x - mean).collect();
-            let on_line = ratio(off[last], steps[last][last]);
-            let across: Vec<f64> = off.iter().zip(&steps[last]).map(|(off, step)| off - on_line * step).collect();
+            let on_line = ratio(off[last], line[last]);
+            let across: Vec<f64> = off.iter().zip(line).map(|(off, step)| off - on_line * step).collect();
+            let numbers = axes.iter().map(|axis| ratio(dot(&across, axis), dot(axis, axis))).chain([on_line]);
             let mut moved = row.to_vec();
-            for (step, factor) in steps.iter().zip(factors) {
-                let is_line = step[last] != 0.0;
-                let number = if is_line { on_line } else { ratio(dot(&across, step), dot(step, step)) };
+            for ((step, number), factor) in steps.iter().zip(numbers).zip(factors) {
                 for (x, step) in moved.iter_mut().zip(step) {
                     *x += (factor - 1.0) * number * step;
                 }

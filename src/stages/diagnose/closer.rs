@@ -133,8 +133,8 @@ impl Look<'_> {
     }
 
     /// Simulates the optimum and fits again by the scatter of the runs there, of those around it and, where they are of the same
-    /// model, of those at the `centre`, until the optimum stays where it was simulated. Without a closer look, which leaves it where metamodels alone see it, it is simulated once.
-    /// `None` where an observable could not be measured.
+    /// model, of those at the `centre`, until the optimum stays where it was simulated. Without a closer look, which leaves it
+    /// where metamodels alone see it, it is simulated once. `None` where an observable could not be measured.
     pub fn stand(
         &self,
         lab: &mut Lab,
