@@ -17,7 +17,7 @@ use granulake::stages::{Context, Panel, PanelRows};
 use granulake::stats::summary::clopper_pearson;
 use granulake::tables::KpiRow;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -415,24 +415,18 @@ impl Book {
         Ok(std::fs::write(&self.path, self.lines.join("\n") + "\n")?)
     }
 
-    /// The matrix of answers over all panels, and what every effect shows in the first, as Markdown: of every cell what the
-    /// newest diagnosis found that has judged it.
+    /// Confusion matrices, the answers of every cell over all panels, and what every effect shows in the first, as Markdown:
+    /// of every cell what the newest diagnosis found that has judged it.
     fn print(&self) {
+        let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
+        let cells = newest(&lines);
+        for (n, rows) in confusion(&cells) {
+            print_confusion(&n, &rows);
+        }
         println!(
             "\n| theta | truth | n | evidence | left out | diagnose | right | 95 % interval | by panel | mean class | \
              right of decidable | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
         );
-        let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
-        let mut cells: BTreeMap<&[&str], (u32, Vec<&[&str]>)> = BTreeMap::new();
-        for (line, version) in lines.iter().filter_map(|line| Some((line, version_of(line)?))) {
-            let (newest, panels) = cells.entry(&line[1..6]).or_default();
-            if version > *newest {
-                (*newest, *panels) = (version, Vec::new());
-            }
-            if version == *newest {
-                panels.push(&line[6..]);
-            }
-        }
         for (cell, (version, panels)) in &cells {
             println!("| {} | {version} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
         }
@@ -453,18 +447,89 @@ fn version_of(line: &[&str]) -> Option<u32> {
     line.first().filter(|_| line.len() == COLUMNS)?.strip_prefix(&engine)?.parse().ok()
 }
 
+/// Panels of every cell (theta, truth, n, evidence, left out) by the newest diagnosis that has judged it, with its version.
+type Cells<'a> = BTreeMap<&'a [&'a str], (u32, Vec<&'a [&'a str]>)>;
+
+fn newest<'a>(lines: &'a [Vec<&'a str>]) -> Cells<'a> {
+    let mut cells = Cells::new();
+    for (line, version) in lines.iter().filter_map(|line| Some((line, version_of(line)?))) {
+        let (newest, panels) = cells.entry(&line[1..6]).or_default();
+        if version > *newest {
+            (*newest, *panels) = (version, Vec::new());
+        }
+        if version == *newest {
+            panels.push(&line[6..]);
+        }
+    }
+    cells
+}
+
+/// Answers and their number.
+type Answers = BTreeMap<String, u32>;
+
+/// What was answered to what was hidden, all observables and both places together: one matrix for every n.
+fn confusion(cells: &Cells) -> BTreeMap<String, BTreeMap<String, Answers>> {
+    let mut matrices: BTreeMap<String, BTreeMap<String, Answers>> = BTreeMap::new();
+    for (&cell, (_, panels)) in cells {
+        let &[_, truth, n, "all", without] = cell else { continue };
+        let hidden = if without == "-" { truth.to_owned() } else { format!("{truth}, left out") };
+        let row = matrices.entry(n.to_owned()).or_default().entry(hidden).or_default();
+        for (answer, count) in answers(panels) {
+            *row.entry(column(answer, truth)).or_default() += count;
+        }
+    }
+    matrices
+}
+
+/// The column of the confusion matrix in which an answer to a truth (as `cohesion=1`) stands.
+fn column(answer: &str, truth: &str) -> String {
+    let hidden = truth.split('=').next();
+    match answer.split_once(' ') {
+        Some(("class", rest)) if rest.ends_with(" with it") => "a class with it".to_owned(),
+        Some(("class", _)) => "another class".to_owned(),
+        Some(("pair", pair)) if pair.split('+').any(|name| Some(name) == hidden) => "a pair with it".to_owned(),
+        Some(("pair", _)) => "another pair".to_owned(),
+        _ => answer.replace('_', " "),
+    }
+}
+
+fn print_confusion(n: &str, rows: &BTreeMap<String, Answers>) {
+    let ends = ["a class with it", "another class", "a pair with it", "another pair", "none of the candidates"];
+    let names: BTreeSet<&str> = rows.values().flat_map(|row| row.keys().map(String::as_str)).collect();
+    let single = names.into_iter().filter(|name| *name != NOTHING && !ends.contains(name));
+    let columns: Vec<&str> = [NOTHING].into_iter().chain(single).chain(ends).collect();
+    println!("\n| hidden, n = {n} | sets | {} |\n|{}", columns.join(" | "), "---|".repeat(columns.len() + 2));
+    for (hidden, answers) in rows {
+        let sets: u32 = answers.values().sum();
+        let share = |column: &&str| {
+            let count = answers.get(*column).copied().unwrap_or(0);
+            if count == 0 { "–".to_owned() } else { format!("{:.1}", 100.0 * f64::from(count) / f64::from(sets)) }
+        };
+        let shares: Vec<String> = columns.iter().map(share).collect();
+        println!("| {} | {sets} | {} |", hidden.replace(['_', '='], " "), shares.join(" | "));
+    }
+}
+
+/// How the verdict that there is nothing to explain reads in a confusion matrix.
+const NOTHING: &str = "no detectable discrepancy";
+
+/// Answers of the panels and their number, as they stand in their lines.
+fn answers<'a>(panels: &[&[&'a str]]) -> Vec<(&'a str, u32)> {
+    let texts = panels.iter().flat_map(|line| line[8].split("; ")).filter_map(|text| text.rsplit_once(": "));
+    texts.map(|(answer, count)| (answer, count.parse().unwrap_or(0))).collect()
+}
+
 /// The rest of a line of the matrix from the lines of its panels (from the number of the panel on).
 fn sum_up(panels: &[&[&str]]) -> [String; 6] {
     let all = |column: usize| panels.iter().map(|line| line[column].parse::<u32>()).sum::<Result<u32, _>>().ok();
     let sum = |column: usize| all(column).unwrap_or(0);
     let (sets, right, classes, named, decidable) = (sum(2), sum(3), sum(4), sum(5), sum(6));
     let interval = clopper_pearson(right as usize, sets as usize, 0.95);
-    let mut answers: BTreeMap<&str, u32> = BTreeMap::new();
-    for (answer, count) in panels.iter().flat_map(|line| line[8].split("; ")).filter_map(|text| text.rsplit_once(": "))
-    {
-        *answers.entry(answer).or_default() += count.parse::<u32>().unwrap_or(0);
+    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    for (answer, count) in answers(panels) {
+        *counts.entry(answer).or_default() += count;
     }
-    let answers: Vec<String> = answers.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
+    let answers: Vec<String> = counts.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
     [
         format!("{right} of {sets}"),
         format!("{:.3} to {:.3}", interval.lower, interval.upper),
