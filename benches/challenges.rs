@@ -8,7 +8,7 @@
 //! FOLDER/rates.csv already is not done again. FOLDER alone prints what stands there.
 
 use granulake::campaign::{Campaign, Options, Values};
-use granulake::challenge::{Declaration, Score, Solution, Truth, score};
+use granulake::challenge::{ConfusionMatrix, Declaration, Score, Solution, Truth, score};
 use granulake::config::{Config, Measured, MeasuredSource, MeasuredValue};
 use granulake::experiments::EXPERIMENTS;
 use granulake::pipeline::Study;
@@ -17,7 +17,7 @@ use granulake::stages::{Context, Panel, PanelRows};
 use granulake::stats::summary::clopper_pearson;
 use granulake::tables::KpiRow;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -217,7 +217,7 @@ impl Hidden<'_> {
             campaign.compact()?;
             for cell in cells {
                 let (drawn, start) = (self.draw(pool, density, cell, plan), std::time::Instant::now());
-                let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
+                let tally = campaign.install(|| self.judge(&panel, &drawn))?;
                 let seconds = start.elapsed().as_secs_f64();
                 eprintln!("  {} sets of n = {}, {evidence}: {seconds:.0} s", plan.sets, cell.count);
                 book.add(self.key(cell, plan), &tally)?;
@@ -258,14 +258,14 @@ impl Hidden<'_> {
             .collect()
     }
 
-    fn judge(&self, panel: &Panel, sets: &[Measured], cell: &Cell) -> Result<Tally, Failed> {
+    fn judge(&self, panel: &Panel, sets: &[Measured]) -> Result<Tally, Failed> {
         let first = panel.judge(&sets[0], LIMIT_DRAWS).map_err(|e| e.to_string())?;
         let (_, limits, _) = first.ok_or("a drawn set lacks an observable")?;
         let judged: Vec<Option<PanelRows>> =
             sets.par_iter().map(|set| panel.judge(set, 0)).collect::<Result<_, _>>().map_err(|e| e.to_string())?;
         let effect = self.effect.map(|(name, strength)| (name.to_owned(), strength));
         let declaration = Declaration { effect, foreign: false, parameters: BTreeMap::default() };
-        let mut tally = Tally::new(&limits, self.effect, cell);
+        let mut tally = Tally::new(&limits);
         for rows in judged.into_iter().flatten() {
             let (verdict, mut attribution, confusion) = rows;
             for row in &mut attribution {
@@ -336,8 +336,8 @@ fn property(values: &[f64]) -> Vec<granulake::config::MeasuredSummary> {
 }
 
 /// Counts of one cell.
+#[derive(Default)]
 struct Tally {
-    truth: Option<&'static str>,
     sets: u32,
     correct: u32,
     class_size: u32,
@@ -351,7 +351,7 @@ struct Tally {
 }
 
 impl Tally {
-    fn new(limits: &[granulake::tables::AttributionRow], truth: Option<(&'static str, f64)>, cell: &Cell) -> Self {
+    fn new(limits: &[granulake::tables::AttributionRow]) -> Self {
         let mut text = String::new();
         for row in limits {
             let limit = row.strength_90.map_or("-".to_owned(), |limit| format!("{limit:.3}"));
@@ -361,9 +361,7 @@ impl Tally {
                 row.effect, row.a, row.visibility, row.part
             );
         }
-        let truth = truth.map(|(name, _)| name).filter(|_| cell.without.is_none());
-        let answers = BTreeMap::new();
-        Self { truth, sets: 0, correct: 0, class_size: 0, named: 0, decidable: 0, decided: 0, answers, limits: text }
+        Self { limits: text, ..Self::default() }
     }
 
     fn add(&mut self, score: &Score) {
@@ -376,16 +374,7 @@ impl Tally {
             self.named += 1;
             self.class_size += score.named.len() as u32;
         }
-        let answer = match score.verdict.as_str() {
-            "effect" => score.named.join("+"),
-            "class" if self.truth.is_some_and(|truth| score.named.iter().any(|name| name == truth)) => {
-                format!("class of {} with it", score.named.len())
-            }
-            "class" => format!("class of {} without it", score.named.len()),
-            "pair" => format!("pair {}", score.named.join("+")),
-            other => other.to_owned(),
-        };
-        *self.answers.entry(answer).or_default() += 1;
+        *self.answers.entry(score.answer()).or_default() += 1;
     }
 }
 
@@ -420,9 +409,7 @@ impl Book {
     fn print(&self) {
         let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
         let cells = newest(&lines);
-        for (n, rows) in confusion(&cells) {
-            print_confusion(&n, &rows);
-        }
+        confusion(&cells).iter().for_each(|(n, matrix)| print_confusion(n, matrix));
         println!(
             "\n| theta | truth | n | evidence | left out | diagnose | right | 95 % interval | by panel | mean class | \
              right of decidable | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
@@ -464,57 +451,35 @@ fn newest<'a>(lines: &'a [Vec<&'a str>]) -> Cells<'a> {
     cells
 }
 
-/// Answers and their number.
-type Answers = BTreeMap<String, u32>;
-
 /// What was answered to what was hidden, all observables and both places together: one matrix for every n.
-fn confusion(cells: &Cells) -> BTreeMap<String, BTreeMap<String, Answers>> {
-    let mut matrices: BTreeMap<String, BTreeMap<String, Answers>> = BTreeMap::new();
+fn confusion(cells: &Cells) -> BTreeMap<String, ConfusionMatrix> {
+    let mut matrices: BTreeMap<String, ConfusionMatrix> = BTreeMap::new();
     for (&cell, (_, panels)) in cells {
         let &[_, truth, n, "all", without] = cell else { continue };
-        let hidden = if without == "-" { truth.to_owned() } else { format!("{truth}, left out") };
-        let row = matrices.entry(n.to_owned()).or_default().entry(hidden).or_default();
-        for (answer, count) in answers(panels) {
-            *row.entry(column(answer, truth)).or_default() += count;
-        }
+        let hidden = truth.replace(['_', '='], " ") + if without == "-" { "" } else { ", left out" };
+        let effect = truth.split('=').next().unwrap_or(truth);
+        let matrix = matrices.entry(n.to_owned()).or_default();
+        answers(panels).iter().for_each(|(answer, count)| matrix.add(&hidden, effect, answer, *count));
     }
     matrices
 }
 
-/// The column of the confusion matrix in which an answer to a truth (as `cohesion=1`) stands.
-fn column(answer: &str, truth: &str) -> String {
-    let hidden = truth.split('=').next();
-    match answer.split_once(' ') {
-        Some(("class", rest)) if rest.ends_with(" with it") => "a class with it".to_owned(),
-        Some(("class", _)) => "another class".to_owned(),
-        Some(("pair", pair)) if pair.split('+').any(|name| Some(name) == hidden) => "a pair with it".to_owned(),
-        Some(("pair", _)) => "another pair".to_owned(),
-        _ => answer.replace('_', " "),
-    }
-}
-
-fn print_confusion(n: &str, rows: &BTreeMap<String, Answers>) {
-    let ends = ["a class with it", "another class", "a pair with it", "another pair", "none of the candidates"];
-    let names: BTreeSet<&str> = rows.values().flat_map(|row| row.keys().map(String::as_str)).collect();
-    let single = names.into_iter().filter(|name| *name != NOTHING && !ends.contains(name));
-    let columns: Vec<&str> = [NOTHING].into_iter().chain(single).chain(ends).collect();
+/// The matrix in percent of the sets.
+fn print_confusion(n: &str, matrix: &ConfusionMatrix) {
+    let columns = matrix.columns();
     println!("\n| hidden, n = {n} | sets | {} |\n|{}", columns.join(" | "), "---|".repeat(columns.len() + 2));
-    for (hidden, answers) in rows {
-        let sets: u32 = answers.values().sum();
-        let share = |column: &&str| {
-            let count = answers.get(*column).copied().unwrap_or(0);
-            if count == 0 { "–".to_owned() } else { format!("{:.1}", 100.0 * f64::from(count) / f64::from(sets)) }
+    for (hidden, counts) in matrix.rows() {
+        let sets: usize = counts.iter().sum();
+        let share = |&count: &usize| match count {
+            0 => "–".to_owned(),
+            count => format!("{:.1}", 100.0 * count as f64 / sets as f64),
         };
-        let shares: Vec<String> = columns.iter().map(share).collect();
-        println!("| {} | {sets} | {} |", hidden.replace(['_', '='], " "), shares.join(" | "));
+        println!("| {hidden} | {sets} | {} |", counts.iter().map(share).collect::<Vec<_>>().join(" | "));
     }
 }
-
-/// How the verdict that there is nothing to explain reads in a confusion matrix.
-const NOTHING: &str = "no detectable discrepancy";
 
 /// Answers of the panels and their number, as they stand in their lines.
-fn answers<'a>(panels: &[&[&'a str]]) -> Vec<(&'a str, u32)> {
+fn answers<'a>(panels: &[&[&'a str]]) -> Vec<(&'a str, usize)> {
     let texts = panels.iter().flat_map(|line| line[8].split("; ")).filter_map(|text| text.rsplit_once(": "));
     texts.map(|(answer, count)| (answer, count.parse().unwrap_or(0))).collect()
 }
@@ -525,7 +490,7 @@ fn sum_up(panels: &[&[&str]]) -> [String; 6] {
     let sum = |column: usize| all(column).unwrap_or(0);
     let (sets, right, classes, named, decidable) = (sum(2), sum(3), sum(4), sum(5), sum(6));
     let interval = clopper_pearson(right as usize, sets as usize, 0.95);
-    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for (answer, count) in answers(panels) {
         *counts.entry(answer).or_default() += count;
     }

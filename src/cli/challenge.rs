@@ -3,7 +3,7 @@
 use super::output::aligned;
 use super::{CliError, Outcome};
 use crate::campaign::{Campaign, Options};
-use crate::challenge::{self, Declaration, Order, Score, Solution};
+use crate::challenge::{self, ConfusionMatrix, Declaration, Order, Score, Solution};
 use crate::config::DensityBounds;
 use crate::pipeline::run::{Request, repro};
 use crate::pipeline::{self, Study};
@@ -81,7 +81,7 @@ Examples:
         #[arg(long, value_name = "N", default_value_t = 0)]
         jobs: usize,
     },
-    /// Open the seals of solved challenges and compare.
+    /// Open the seals of solved challenges and compare; of several, print who is taken for whom and how often a verdict is right.
     #[command(after_help = "\
 Examples:
   granulake challenge score blind
@@ -192,6 +192,9 @@ fn score(dirs: &[PathBuf], as_json: bool) -> Result<Outcome, CliError> {
     let names = ["challenge", "truth", "strength", "verdict", "named", "found", "sd", "off_in_sd", "correct"];
     let cells: Vec<_> = opened.iter().map(Opened::cells).collect();
     writeln!(out, "{}", aligned(&names.map(str::to_owned), &cells))?;
+    if opened.len() > 1 {
+        writeln!(out, "\n{}\n", confusion(&opened))?;
+    }
     writeln!(out, "{}", rates(&opened).join("\n"))?;
     Ok(Outcome::Done)
 }
@@ -236,15 +239,35 @@ impl<'d> Opened<'d> {
         vec![
             self.dir.display().to_string().into(),
             s.truth.clone().into(),
-            s.strength.into(),
+            shortened(s.strength),
             s.verdict.clone().into(),
             s.named.join(" ").into(),
-            s.found.into(),
-            s.found_sd.into(),
-            s.off().into(),
+            shortened(s.found),
+            shortened(s.found_sd),
+            shortened(s.off()),
             s.correct.into(),
         ]
     }
+}
+
+/// Four significant digits, for readers; `--json` has them all.
+fn shortened(value: Option<f64>) -> Value {
+    value.and_then(|value| format!("{value:.3e}").parse::<f64>().ok()).into()
+}
+
+/// How many challenges that hide the same thing got which answer.
+fn confusion(opened: &[Opened]) -> String {
+    let mut matrix = ConfusionMatrix::default();
+    for score in opened.iter().map(|one| &one.score) {
+        let left_out = if score.strength.is_some() && !score.in_library { ", left out" } else { "" };
+        matrix.add(&(score.truth.replace('_', " ") + left_out), &score.truth, &score.answer(), 1);
+    }
+    let names: Vec<String> = ["hidden"].into_iter().chain(matrix.columns()).map(str::to_owned).collect();
+    let count = |count: usize| if count == 0 { Value::Null } else { count.into() };
+    let cells = |(hidden, counts): (&str, Vec<usize>)| {
+        [hidden.into()].into_iter().chain(counts.into_iter().map(count)).collect()
+    };
+    aligned(&names, &matrix.rows().map(cells).collect::<Vec<Vec<Value>>>())
 }
 
 /// Rates over several challenges, each with its exact 95 % interval, where there is anything to count.

@@ -63,6 +63,9 @@ fn a_solution_has_the_same_bytes_with_the_seal_gone() {
     assert_eq!((&scores[0]["truth"], &scores[0]["in_library"]), (&"size_distribution".into(), &true.into()));
     let ended = study.succeed(&["challenge", "score", "blind", "blind"]);
     assert!(ended.out.contains(" of 2 correct (0.") && !ended.out.contains("alarms"), "{}", ended.out);
+    // The confusion matrix: one row, both answers in one column.
+    let row = ended.out.lines().find(|line| line.starts_with("size distribution ")).expect("a row of the matrix");
+    assert_eq!(row.split_whitespace().filter(|cell| *cell != "-").collect::<Vec<_>>(), ["size", "distribution", "2"]);
     // A declaration that was changed afterwards is refused.
     study.edit("blind/sealed.toml", "seed = 11", "seed = 12");
     let ended = study.run(&["challenge", "score", "blind"]);
