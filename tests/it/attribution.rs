@@ -36,6 +36,7 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
         testable: Ok(()),
         fitted: 0.0,
         presence: Presence::Present,
+        leaves: 0.0,
     }
 }
 
@@ -368,6 +369,29 @@ fn an_effect_that_its_own_model_does_not_tell_from_zero_is_not_named() {
     other.residual = calibrated(&other, &(direction(&mut Stream::new(15, "other"), M) * 4.0));
     other.candidates.iter_mut().for_each(|candidate| candidate.presence = Presence::Untold);
     assert_eq!(judged(&other).verdict, Verdict::NoneOfTheCandidates);
+}
+
+/// A signature of which nothing is known leaves nothing over of anything. What the runs with the effect leave then counts.
+#[test]
+fn what_runs_with_an_effect_leave_over_is_not_excused_by_the_errors_of_its_signature() {
+    let mut problem = world();
+    problem.residual = calibrated(&problem, &(direction(&mut Stream::new(15, "other"), M) * 4.0));
+    problem.candidates[0].covariance = &problem.covariance * 4.0;
+    let options = Options { null_draws: 200, power_draws: 0, seed: 15, ..Options::default() };
+    let judged = |problem: &Problem| attribute(problem, &options).expect("a valid problem");
+    let excused = judged(&problem);
+    let p = |report: &Attribution| report.effects[0].leftover_p;
+    assert!(p(&excused) > 0.01 && excused.effects[0].leftover < 0.1 * excused.t0, "{:?}", excused.effects[0]);
+    for presence in [Presence::Present, Presence::Untold] {
+        problem.candidates[0].presence = presence;
+        problem.candidates[0].leaves = 0.9 * excused.t0;
+        let seen = judged(&problem);
+        assert!(seen.effects[0].leftover == 0.9 * seen.t0 && p(&seen) < 0.01, "{:?}", seen.effects[0]);
+        assert_eq!(seen.verdict, Verdict::NoneOfTheCandidates);
+        // Runs that leave less than the fit change nothing.
+        problem.candidates[0].leaves = 0.5 * excused.effects[0].leftover;
+        assert_eq!(judged(&problem).effects[0].leftover, excused.effects[0].leftover);
+    }
 }
 
 #[test]

@@ -423,6 +423,7 @@ impl Contender {
             covariance: DMatrix::zeros(m, m),
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
             presence: Presence::Present,
+            leaves: 0.0,
         };
         let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(candidate) };
         if let Err(why) = self.shown_by(case) {
@@ -438,6 +439,9 @@ impl Contender {
             return Ok(candidate);
         }
         let tied = self.is_tied() && self.gives_signature(&found);
+        if self.is_tied() && !tied {
+            candidate.leaves = found.fit.chi2;
+        }
         let path = Path { contender: self, case, surface, tied };
         candidate.signatures = path.signatures(&found)?;
         candidate.fitted = found.strength;

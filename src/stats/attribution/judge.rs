@@ -51,6 +51,8 @@ pub(super) struct Rule {
     pub testable: bool,
     /// What the full model says of its strength in the observed residual.
     pub presence: Presence,
+    /// The least that it leaves of the observed residual.
+    pub leaves: f64,
     /// Physical range.
     pub range: (f64, f64),
     /// Half the range.
@@ -134,6 +136,12 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// The same fit where no less than `least` is left.
+    fn leaving(self, least: f64) -> Self {
+        let fit = Fit { leftover: self.fit.leftover.max(least), ..self.fit };
+        Self { fit, misfit: self.misfit.max(least), ..self }
+    }
+
     /// An effect that is not there.
     fn absent(t0: f64, geometry: usize) -> Self {
         Self { fit: Fit { strength: 0.0, leftover: t0 }, misfit: t0, geometry, told: false }
@@ -213,8 +221,8 @@ impl Machine {
         let none = Found::absent(seen.t0, seen.geometry);
         let fits = self.fits(seen);
         let known = |(found, rule): (Found, &Rule)| match rule.presence {
-            Presence::Present => found,
-            Presence::Untold => Found { told: false, ..found },
+            Presence::Present => found.leaving(rule.leaves),
+            Presence::Untold => Found { told: false, ..found.leaving(rule.leaves) },
             Presence::Absent => none,
         };
         fits.into_iter().zip(&self.rules).map(known).collect()

@@ -16,7 +16,8 @@
 //! effect then fits what is left over. So what is named must beat "no discrepancy" by the odds by which it must beat
 //! "other"; where it does not, no discrepancy is detected and [`Attribution::notes`] says so. What no candidate fits
 //! remains an alarm. The same holds of an effect whose own model does not tell its strength from zero
-//! ([`Presence::Untold`]).
+//! ([`Presence::Untold`]). And what the runs of an effect leave over, the errors of its signatures do not excuse
+//! ([`Candidate::leaves`]).
 //!
 //! **On a bound.** Where a parameter sits on its bound, the tangent space is no linear space: the parameter may move
 //! inwards only. Every fit is then the best feasible one over all choices of which of these parameters stay on their
@@ -155,6 +156,9 @@ pub struct Candidate {
     pub testable: Result<(), String>,
     /// What the full model with it says of its strength in the data.
     pub presence: Presence,
+    /// χ² that the full model with it leaves where it was simulated, if that gives no signature; else 0. The effect leaves no less
+    /// of the observed residual, whatever the errors of its signatures would excuse.
+    pub leaves: f64,
 }
 
 /// What a full model says of the strength of an effect in the data.

@@ -31,7 +31,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let rules = problem
         .candidates
         .iter()
-        .map(|c| Rule { testable: false, presence: c.presence, range: c.range, tau: c.scale() })
+        .map(|c| Rule { testable: false, presence: c.presence, leaves: c.leaves, range: c.range, tau: c.scale() })
         .collect();
     let mut machine = Machine::new(geometries, &whitened.held, &signatures, &errors, rules, *options);
     let visible: Vec<Visible> = (0..signatures.len())
