@@ -738,7 +738,7 @@ table! {
         verdict: String ["1"],
         /// Effects the verdict names, separated by commas.
         effects: String ["1"],
-        /// The verdict as a sentence.
+        /// The verdict as a sentence; beside an effect that was added also how many fitted means agree with it in the model.
         sentence: String ["1"],
         /// Misfit of the calibrated model without any effect.
         t0: f64 ["1"],

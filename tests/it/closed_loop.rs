@@ -93,6 +93,11 @@ fn hidden_effects_are_named_and_nothing_else_is() {
     for (name, effect, strength) in [("wet", "cohesion", 1.0), ("large", "size_distribution", 0.15)] {
         let row = verdict(name);
         assert_eq!((row.verdict.as_str(), row.effects.as_str()), ("effect", effect), "{name}: {}", row.sentence);
+        assert!(
+            row.sentence.contains(&format!(" With {effect} in the model the 95 % intervals of ")),
+            "{}",
+            row.sentence
+        );
         strength_is_recovered(&study, name, effect, strength);
         errors_shrink(&study, name);
         held_out_means_are_within(&study, name);

@@ -46,11 +46,29 @@ pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &m
         tables.recalibration.extend(parameter_rows(case, "after", &found.u, &sds(&found.covariance), &found.at_bound));
         tables.recalibration.push(strength_row(case, contender, &found));
     }
+    let mut rows = Vec::new();
     for summary in case.set.statistics() {
         let row = |moment| row(case, &summary, moment, [Some(&before), after.as_ref()]);
-        tables.before_after.extend([Moment::Mean, Moment::LnSd].map(row));
+        rows.extend([Moment::Mean, Moment::LnSd].map(row));
     }
+    let verdict = tables.verdicts.iter_mut().find(|verdict| verdict.measured == case.set.name);
+    if let (Some(verdict), Some(contender)) = (verdict, added.filter(|_| after.is_some())) {
+        verdict.sentence += &agreement(&rows, contender.name(), case.context.config.statistics.confidence);
+    }
+    tables.before_after.extend(rows);
     Ok(())
+}
+
+/// How many fitted means agree with the measurement once the effect is in the model.
+fn agreement(rows: &[BeforeAfterRow], effect: &str, confidence: f64) -> String {
+    let limits = rows.iter().filter(|row| row.fitted && row.statistic == "mean");
+    let limits: Vec<(f64, f64)> =
+        limits.filter_map(|row| row.after_lower_percent.zip(row.after_upper_percent)).collect();
+    let agree = limits.iter().filter(|(lower, upper)| *lower <= 0.0 && 0.0 <= *upper).count();
+    let (all, level) = (limits.len(), (1e4 * confidence).round() / 100.0);
+    format!(
+        " With {effect} in the model the {level} % intervals of {agree} of {all} fitted means hold the measurement."
+    )
 }
 
 fn parameter_rows(case: &Case, model: &str, u: &DVector<f64>, sd: &[f64], at_bound: &[bool]) -> Vec<RecalibrationRow> {
@@ -192,4 +210,41 @@ fn sd_error(
     let percent = |difference: f64| finite(100.0 * (libm::exp(difference) - 1.0));
     let difference = simulated.value - real.value;
     ErrorPercent { value: percent(difference), lower: percent(difference - half), upper: percent(difference + half) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Held-out rows, standard deviations and rows without an interval are not counted.
+    #[test]
+    fn fitted_means_whose_interval_holds_zero_agree() {
+        let row = |statistic: &str, fitted: bool, limits: Option<(f64, f64)>| BeforeAfterRow {
+            measured: "blind".to_owned(),
+            experiment: "pile".to_owned(),
+            kpi: "angle_of_repose".to_owned(),
+            statistic: statistic.to_owned(),
+            fitted,
+            measured_value: 30.0,
+            before: None,
+            after: None,
+            before_error_percent: None,
+            before_lower_percent: None,
+            before_upper_percent: None,
+            after_error_percent: None,
+            after_lower_percent: limits.map(|limits| limits.0),
+            after_upper_percent: limits.map(|limits| limits.1),
+            unit: "deg".to_owned(),
+        };
+        let rows = [
+            row("mean", true, Some((-1.0, 2.0))),
+            row("mean", true, Some((-2.0, 0.0))),
+            row("mean", true, Some((1.0, 2.0))),
+            row("mean", true, None),
+            row("mean", false, Some((-1.0, 1.0))),
+            row("sd", true, Some((-1.0, 1.0))),
+        ];
+        let expected = " With tilt in the model the 99.5 % intervals of 2 of 3 fitted means hold the measurement.";
+        assert_eq!(agreement(&rows, "tilt", 0.995), expected);
+    }
 }

@@ -46,7 +46,7 @@ use verdict::{Prepared, prepare};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 31,
+    version: 32,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
