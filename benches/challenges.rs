@@ -217,7 +217,7 @@ impl Hidden<'_> {
             campaign.compact()?;
             for cell in cells {
                 let (drawn, start) = (self.draw(pool, density, cell, plan), std::time::Instant::now());
-                let tally = campaign.install(|| self.judge(&panel, &drawn))?;
+                let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
                 let seconds = start.elapsed().as_secs_f64();
                 eprintln!("  {} sets of n = {}, {evidence}: {seconds:.0} s", plan.sets, cell.count);
                 book.add(self.key(cell, plan), &tally)?;
@@ -258,25 +258,32 @@ impl Hidden<'_> {
             .collect()
     }
 
-    fn judge(&self, panel: &Panel, sets: &[Measured]) -> Result<Tally, Failed> {
+    fn judge(&self, panel: &Panel, sets: &[Measured], cell: &Cell) -> Result<Tally, Failed> {
         let first = panel.judge(&sets[0], LIMIT_DRAWS).map_err(|e| e.to_string())?;
         let (_, limits, _) = first.ok_or("a drawn set lacks an observable")?;
-        let judged: Vec<Option<PanelRows>> =
-            sets.par_iter().map(|set| panel.judge(set, 0)).collect::<Result<_, _>>().map_err(|e| e.to_string())?;
+        // Where nothing was found, whether that is right depends on the detection limit of the set.
+        let may_be_weak = self.effect.is_some() && cell.without.is_none();
+        let judged = |set| match panel.judge(set, 0)? {
+            Some((verdict, ..)) if may_be_weak && verdict.verdict == QUIET => panel.judge(set, LIMIT_DRAWS),
+            rows => Ok(rows),
+        };
+        let judged: Vec<Option<PanelRows>> = sets
+            .par_iter()
+            .map(judged)
+            .collect::<Result<_, granulake::stages::StageError>>()
+            .map_err(|e| e.to_string())?;
         let effect = self.effect.map(|(name, strength)| (name.to_owned(), strength));
         let declaration = Declaration { effect, foreign: false, parameters: BTreeMap::default() };
         let mut tally = Tally::new(&limits);
-        for rows in judged.into_iter().flatten() {
-            let (verdict, mut attribution, confusion) = rows;
-            for row in &mut attribution {
-                let known = limits.iter().find(|limit| limit.effect == row.effect);
-                row.strength_90 = known.and_then(|limit| limit.strength_90);
-            }
+        for (verdict, attribution, confusion) in judged.into_iter().flatten() {
             tally.add(&score(&declaration, &Solution { verdict, attribution, confusion }));
         }
         Ok(tally)
     }
 }
+
+/// The verdict that nothing is seen.
+const QUIET: &str = "no_detectable_discrepancy";
 
 const NAME: &str = "challenge";
 
