@@ -24,8 +24,6 @@ pub struct Anchors {
 
 struct EffectRuns {
     name: String,
-    /// Physical range of the strength.
-    range: (f64, f64),
     /// Parameters in the unit cube, then the strength's place in its range.
     unit: Points,
     batches: Vec<Batch>,
@@ -38,11 +36,10 @@ impl Anchors {
         let mut batches = lab.run(&jobs)?.into_iter();
         let centre = batches.next().unwrap_or_default();
         let runs = |(name, unit): (String, Points)| {
-            let range = context.config.effects.library.find(&name).map_err(CampaignError::from)?.range();
             let batches = batches.by_ref().take(unit.len()).collect();
-            Ok(EffectRuns { name, range, unit, batches })
+            EffectRuns { name, unit, batches }
         };
-        Ok(Self { centre, effects: plan.into_iter().map(runs).collect::<Result<_, StageError>>()? })
+        Ok(Self { centre, effects: plan.into_iter().map(runs).collect() })
     }
 
     /// The runs of the plain model in the centre of the parameter space.
@@ -50,13 +47,10 @@ impl Anchors {
         &self.centre
     }
 
-    /// The batches of an effect's anchors, each with its strength.
-    pub fn runs(&self, effect: &str) -> impl Iterator<Item = (&Batch, f64)> {
+    /// The batches of an effect's anchors, each with its parameters in the unit cube and the place of its strength.
+    pub fn runs(&self, effect: &str) -> impl Iterator<Item = (&[f64], &Batch)> {
         let found = self.effects.iter().filter(move |runs| runs.name == effect);
-        found.flat_map(|runs| {
-            let place = |row: &[f64]| strength_at(runs.range, row[row.len() - 1]);
-            runs.batches.iter().zip(runs.unit.rows()).map(move |(batch, row)| (batch, place(row)))
-        })
+        found.flat_map(|runs| runs.unit.rows().zip(&runs.batches))
     }
 
     /// What a statistic's observable gave at the anchors of an effect; none of an effect without anchors.

@@ -160,16 +160,15 @@ impl Surface {
     fn drifting(mut self, context: &Context, anchors: &Anchors, effect: &str, statistics: &[Statistic]) -> Self {
         if context.config.effects.library.find(effect).is_ok_and(|effect| effect.is_drift()) {
             for (row, statistic) in statistics.iter().enumerate().filter(|(_, s)| s.moment == Moment::Trend) {
-                let runs = anchors.runs(effect);
-                self.trends[row] = runs
-                    .fold(Trend::default(), |trend, (batch, strength)| with_runs(trend, batch, statistic, strength));
+                let add = |trend, (x, batch): (&[f64], &Batch)| with_runs(trend, batch, statistic, self.strength(x));
+                self.trends[row] = anchors.runs(effect).fold(Trend::default(), add);
             }
         }
         self
     }
 
     /// The strength at a point, 0 where the surface has none.
-    fn strength(&self, x: &[f64]) -> f64 {
+    pub fn strength(&self, x: &[f64]) -> f64 {
         self.range.map_or(0.0, |range| strength_at(range, x[x.len() - 1]))
     }
 
@@ -179,6 +178,13 @@ impl Surface {
         let rows = self.rows_of(&responses, x);
         let values = DVector::from_iterator(rows.len(), rows.iter().map(|(value, _)| *value));
         (values, DMatrix::from_fn(rows.len(), x.len(), |i, j| rows[i].1[j]))
+    }
+
+    /// How far repetitions scatter at a point: a standard deviation for every observable that has one.
+    pub fn scatters(&self, x: &[f64]) -> impl Iterator<Item = (&Statistic, f64)> {
+        let scatter = |model: &Metamodel| model.response(x).sd.map(|sd| sd.value).filter(|sd| *sd > 0.0);
+        let observables = self.models.iter().zip(&self.observables);
+        observables.filter_map(move |(model, (statistic, _))| Some((statistic, scatter(model)?)))
     }
 
     fn predictions(&self, x: &DVector<f64>) -> Vec<Prediction> {

@@ -16,6 +16,7 @@ use super::direct::Axis;
 use super::fit::{self, Fitted, Surface, Weights};
 use super::lab::Lab;
 use super::moments::{Batch, Moment, Shape};
+use super::scatter::Scatter;
 use super::verdict::Case;
 use crate::campaign::CampaignError;
 use crate::effects::{self, Handle};
@@ -57,6 +58,8 @@ pub struct Contender {
     surface: Result<Surface, String>,
     /// −2 ln likelihood at the optimum of the metamodels, up to a constant.
     misfit: Option<f64>,
+    /// Repetitions with it, where it is drawn anew for each.
+    scatter: Option<Scatter>,
     tie: Option<Tie>,
     was_run: bool,
     /// Whether the runs left it no strength.
@@ -130,8 +133,10 @@ impl Contender {
         let mut runs: Vec<Run> = case.runs.iter().map(without).collect();
         runs.push(without(&(case.optimum.clone(), case.before.clone())));
         let surface = trained.map(|surface| surface.knowing(&runs));
+        let scattering = surface.as_ref().ok().filter(|_| effect.is_scatter());
+        let scatter = scattering.map(|known| Scatter::of(known, anchors, (name, effect.range().1)));
         let mut contender =
-            Self { effect, surface, misfit: None, tie: None, was_run: false, absent: false, open: None };
+            Self { effect, surface, misfit: None, scatter, tie: None, was_run: false, absent: false, open: None };
         contender.misfit = match &contender.surface {
             Ok(surface) => Some(contender.optimum(case, surface)?.misfit),
             Err(_) => None,
@@ -224,6 +229,12 @@ impl Contender {
     /// How repetitions scatter with the effect as it is fitted; without runs of it, as they do without it.
     fn shape<'a>(&'a self, case: &'a Case) -> &'a Shape {
         self.tie.as_ref().map_or(&case.shape, |tie| &tie.shape)
+    }
+
+    /// The runs at the tie with their strength.
+    fn direct(&self) -> Option<(f64, &Batch)> {
+        let at = |tie: &Tie| strength_at(self.effect.range(), tie.x[tie.x.len() - 1]);
+        self.tie.as_ref().map(|tie| (at(tie), &tie.batch))
     }
 
     /// Covariance of the measured values, with the scatter of the runs at the tie.
@@ -424,6 +435,7 @@ impl Contender {
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
             presence: Presence::Present,
             leaves: 0.0,
+            scatter: self.scatter.as_ref().and_then(|scatter| scatter.in_case(case, self.direct())),
         };
         let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(candidate) };
         if let Err(why) = self.shown_by(case) {

@@ -24,6 +24,7 @@ mod moments;
 mod panel;
 mod proposals;
 mod rows;
+mod scatter;
 mod verdict;
 
 pub use panel::{Panel, PanelRows};
@@ -46,7 +47,7 @@ use verdict::{Prepared, prepare};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 32,
+    version: 33,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[

@@ -116,6 +116,16 @@ impl Batch {
         all
     }
 
+    /// The same values over a scale of every observable; none of those without a scale.
+    pub fn over<'a>(&self, scales: impl IntoIterator<Item = (&'a Statistic, f64)>) -> Self {
+        let mut scaled = Self { series: BTreeMap::new(), ..self.clone() };
+        for (statistic, scale) in scales {
+            let values = self.series(statistic).into_iter().flatten();
+            values.for_each(|(r, value)| scaled.insert(&statistic.experiment, &statistic.kpi, *r, value / scale));
+        }
+        scaled
+    }
+
     /// Adds one value.
     pub fn insert(&mut self, experiment: &str, kpi: &str, repetition: u32, value: f64) {
         self.series.entry((experiment.to_owned(), kpi.to_owned())).or_default().insert(repetition, value);
@@ -371,6 +381,26 @@ mod tests {
         let mut flat = Batch::default();
         (1..=40).for_each(|repetition| flat.insert("pile", "a", repetition, f64::from(repetition)));
         assert_eq!(shape(vec![flat]).freedom(0, 41), 40.0);
+    }
+
+    /// Half the values with a scatter of 1, half with 5: a kurtosis of 3 · ½(1 + 5⁴)/13² of them together, 3 of each over its own.
+    #[test]
+    fn places_of_unequal_scatter_have_no_tails_over_their_own_scales() {
+        let statistics = [statistic("a", Moment::LnSd)];
+        let mut stream = Stream::new(7, "scales");
+        let mut points = [Batch::default(), Batch::default()];
+        for (batch, sd) in points.iter_mut().zip([1.0, 5.0]) {
+            (1..=20_000).for_each(|repetition| batch.insert("pile", "a", repetition, sd * stream.normal()));
+        }
+        points[0].insert("pile", "b", 1, 1.0);
+        let freedom = |points: &[Batch; 2]| {
+            let together = Batch::deviations(&points.iter().collect::<Vec<_>>());
+            Shape::pooled(&[&together], &statistics).unwrap().freedom(0, 41)
+        };
+        assert!((freedom(&points) - 40.0 * 2.0 * 169.0 / (3.0 * 313.0 - 169.0)).abs() < 1.0, "{}", freedom(&points));
+        let scaled = [(&points[0], 1.0), (&points[1], 5.0)].map(|(batch, sd)| batch.over([(&statistics[0], sd)]));
+        assert!((freedom(&scaled) - 40.0).abs() < 2.0, "{}", freedom(&scaled));
+        assert!(scaled[0].series(&statistic("b", Moment::Mean)).is_none());
     }
 
     #[test]

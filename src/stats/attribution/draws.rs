@@ -2,8 +2,10 @@
 //!
 //! Takes a [`Machine`] and the noise of a problem; gives distributions of its statistics under "no effect" and under
 //! one effect at a given strength. A drawn residual carries the noise of every row (heavier than normal where Σ was
-//! estimated from few repetitions), the shift of the effect, and the error of its signature. Every purpose has its own random stream; strengths of one search share it, so that
-//! the detection probability varies smoothly with the strength.
+//! estimated from few repetitions), the shift of the effect, and the error of its signature. There are two such worlds: the one that
+//! an effect is judged by, whose leftovers give critical values, and the one in which it would be met, whose detections give η₉₀.
+//! Every purpose has its own random stream; strengths of one search share it, so that the detection probability varies smoothly
+//! with the strength.
 
 use super::effect::{Curve, Size};
 use super::judge::{Critical, Found, Machine, Seen};
@@ -24,18 +26,20 @@ pub(super) struct World {
     /// Shrinks the shift by what its own error adds to its size.
     shrink: f64,
     root: Option<DMatrix<f64>>,
+    /// A strength, and how the covariance of the whitened noise differs from I there.
+    scatter: Option<(f64, DMatrix<f64>)>,
 }
 
 impl World {
     /// The true signature is taken to be smaller than `curve` by what its own error adds to the `size` of the one it is judged by.
-    pub(super) fn new(curve: &Curve, error: &DMatrix<f64>, size: Size) -> Self {
+    pub(super) fn new(curve: &Curve, error: &DMatrix<f64>, size: Size, scatter: Option<(f64, DMatrix<f64>)>) -> Self {
         let shrink = size.own_share().sqrt();
         let root = error.iter().any(|x| *x != 0.0).then(|| {
             let eigen = error.clone().symmetric_eigen();
             let sizes = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
             eigen.eigenvectors * DMatrix::from_diagonal(&sizes)
         });
-        Self { curve: curve.clone(), shrink, root }
+        Self { curve: curve.clone(), shrink, root, scatter }
     }
 
     /// What the effect does to a whitened residual at a strength.
@@ -43,15 +47,41 @@ impl World {
         DVector::from_vec(self.curve.secant(strength)) * (strength * self.shrink)
     }
 
-    /// One whitened residual with the effect at a strength, and the T₀ of its noise were that normal.
+    /// One whitened residual with the effect at a strength as it is judged, and the T₀ of its noise were that normal.
     fn draw(&self, strength: f64, noise: &Noise<'_>, stream: &mut Stream) -> (DVector<f64>, f64) {
-        let (mut e, plain) = noise.draw(stream);
-        e += self.shift(strength);
+        let (e, plain) = noise.draw(None, stream);
+        (self.acting(e, (strength, 1.0), stream), plain)
+    }
+
+    /// One whitened residual with the effect at a strength as it would be met. The noise is that of repetitions with the effect, and
+    /// the signature is on average as large as it is without its own error: mean and covariance are those of a normal signature given
+    /// what was seen of it.
+    fn meet(
+        &self,
+        (strength, turn): (f64, Option<&DMatrix<f64>>),
+        noise: &Noise<'_>,
+        stream: &mut Stream,
+    ) -> DVector<f64> {
+        self.acting(noise.draw(turn, stream).0, (strength, self.shrink), stream)
+    }
+
+    /// Noise with the effect, its shift and its error both `known` times what they are.
+    fn acting(&self, mut e: DVector<f64>, (strength, known): (f64, f64), stream: &mut Stream) -> DVector<f64> {
+        e += self.shift(strength) * known;
         if let Some(root) = &self.root {
             let error = DVector::from_fn(root.ncols(), |_, _| stream.normal());
-            e.gemv(strength, root, &error, 1.0);
+            e.gemv(strength * known, root, &error, 1.0);
         }
-        (e, plain)
+        e
+    }
+
+    /// What turns whitened noise into that of repetitions with the effect: the lower factor of I and what is added to it. `None`
+    /// where nothing is, or where what is left is no covariance.
+    fn turn(&self, strength: f64) -> Option<DMatrix<f64>> {
+        let (known, change) = self.scatter.as_ref()?;
+        let share = strength / known;
+        let identity = DMatrix::identity(change.nrows(), change.ncols());
+        Some((identity + change * (share * share).min(1.0)).cholesky()?.unpack())
     }
 }
 
@@ -74,7 +104,7 @@ pub(super) fn calibrate(machine: &mut Machine, noise: &Noise<'_>, worlds: &[Worl
     let mut null = Null { simulated, t0: Vec::new(), gain: Vec::new(), leftover: Vec::new() };
     let (mut pairs, mut plain) = (Vec::new(), Vec::new());
     for _ in 0..options.null_draws {
-        let (residual, t0) = noise.draw(&mut stream);
+        let (residual, t0) = noise.draw(None, &mut stream);
         plain.push(t0);
         let seen = machine.see(&residual);
         let fits = machine.fits(&seen);
@@ -195,8 +225,9 @@ fn detection_probability(machine: &Machine, noise: &Noise<'_>, world: &World, k:
     let options = machine.options;
     let side = if strength < 0.0 { "attribution power below" } else { "attribution power above" };
     let mut stream = Stream::new(options.seed, &format!("{side} {k}"));
+    let turn = world.turn(strength);
     let detected = |_: &usize| {
-        let (residual, _) = world.draw(strength, noise, &mut stream);
+        let residual = world.meet((strength, turn.as_ref()), noise, &mut stream);
         machine.decide(&residual).detects(k, options.largest_class)
     };
     (0..options.power_draws).filter(detected).count() as f64 / options.power_draws as f64

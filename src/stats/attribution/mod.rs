@@ -159,6 +159,19 @@ pub struct Candidate {
     /// χ² that the full model with it leaves where it was simulated, if that gives no signature; else 0. The effect leaves no less
     /// of the observed residual, whatever the errors of its signatures would excuse.
     pub leaves: f64,
+    /// How it changes the noise of the observables, where that is known and matters.
+    pub scatter: Option<Scatter>,
+}
+
+/// How an effect changes the noise of the observables: one that scatters from one repetition to the next is a cause that all
+/// observables of a run share, so that their tails grow heavier and their scatters follow one another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scatter {
+    /// Strength at which that was seen, not 0.
+    pub strength: f64,
+    /// Σ with the effect at that strength less Σ (m × m). It is taken to grow as the square of the strength, as a variance does, and
+    /// to be held beyond.
+    pub change: DMatrix<f64>,
 }
 
 /// What a full model says of the strength of an effect in the data.
@@ -372,6 +385,11 @@ impl Candidate {
     fn validate(&self, m: usize, p: usize) -> Result<(), AttributionError> {
         let what = format!("the signature of `{}`", self.name);
         check(&format!("the covariance of {what}"), self.covariance.shape(), (m, m), self.covariance.iter())?;
+        if let Some(scatter) = &self.scatter {
+            let what = format!("the change of the noise by `{}`", self.name);
+            check(&what, scatter.change.shape(), (m, m), scatter.change.iter())?;
+            positive(&what, scatter.strength.abs())?;
+        }
         for signature in &self.signatures {
             check(&what, signature.per_unit.shape(), (m, 1), signature.per_unit.iter())?;
             check(&format!("the shift of {what}"), signature.shift.shape(), (p, 1), signature.shift.iter())?;

@@ -140,11 +140,12 @@ impl<'a> Noise<'a> {
         leftover(&range_of(&tangent), &e.column(0).into_owned())
     }
 
-    /// One whitened residual without any effect (M), and the T₀ of the same draw as normal noise, which is χ² of d.
-    pub(super) fn draw(&self, stream: &mut Stream) -> (DVector<f64>, f64) {
+    /// One whitened residual without any shift (M), and the T₀ of the same draw as normal noise, which is χ² of d. `turn` (M × M)
+    /// changes the normal noise where repetitions scatter otherwise than Σ says.
+    pub(super) fn draw(&self, turn: Option<&DMatrix<f64>>, stream: &mut Stream) -> (DVector<f64>, f64) {
         let e = self.normal(stream);
         let plain = leftover(&self.range, &e);
-        (self.stretched(e, stream), plain)
+        (self.stretched(turn.map_or_else(|| e.clone(), |turn| turn * &e), stream), plain)
     }
 
     fn normal(&self, stream: &mut Stream) -> DVector<f64> {

@@ -39,12 +39,12 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
         .collect();
     machine.rules.iter_mut().zip(&visible).for_each(|(rule, v)| rule.testable = v.status == Status::Testable);
     machine.s2 = relative_variance(&machine);
-    let worlds: Vec<World> = signatures
-        .iter()
-        .zip(&errors)
-        .zip(&machine.effects[0])
-        .map(|((curve, errors), effect)| World::new(curve, errors.of_fit(), effect.judged_by(errors.fitted)))
-        .collect();
+    let world = |(k, candidate): (usize, &Candidate)| {
+        let size = machine.effects[0][k].judged_by(errors[k].fitted);
+        let scatter = candidate.scatter.as_ref().map(|s| (s.strength, whitened.covariance(&s.change)));
+        World::new(&signatures[k], errors[k].of_fit(), size, scatter)
+    };
+    let worlds: Vec<World> = problem.candidates.iter().enumerate().map(world).collect();
     let noise = Noise::new(problem, &whitened, options);
     let null = draws::calibrate(&mut machine, &noise, &worlds);
     let seen = machine.see(&whitened.residual);
