@@ -5,7 +5,7 @@
 //! PANELS diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
 //! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them: with all observables, the KPIs alone,
 //! or all of them but the true effect left out of the library (EVIDENCE, as `all,kpis,without`). A cell that stands in
-//! FOLDER/rates.csv already is not done again. FOLDER alone prints what stands there.
+//! FOLDER/rates.csv already is not done again. FOLDER alone prints what stands there, the tables of docs/challenges.md.
 
 use granulake::campaign::{Campaign, Options, Values};
 use granulake::challenge::{ConfusionMatrix, Declaration, Score, Solution, Truth, score};
@@ -411,28 +411,18 @@ impl Book {
         Ok(std::fs::write(&self.path, self.lines.join("\n") + "\n")?)
     }
 
-    /// Confusion matrices, the answers of every cell over all panels, and what every effect shows in the first, as Markdown:
-    /// of every cell what the newest diagnosis found that has judged it.
+    /// The tables of docs/challenges.md: of every cell what the newest diagnosis found that has judged it.
     fn print(&self) {
         let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
         let cells = newest(&lines);
         confusion(&cells).iter().for_each(|(n, matrix)| print_confusion(n, matrix));
-        println!(
-            "\n| theta | truth | n | evidence | left out | diagnose | right | 95 % interval | by panel | mean class | \
-             right of decidable | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
-        );
-        for (cell, (version, panels)) in &cells {
-            println!("| {} | {version} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
-        }
-        println!("\n| theta | truth | n | evidence | diagnose | what each effect shows |\n|---|---|---|---|---|---|");
-        for (cell, (version, panels)) in cells.iter().filter(|(cell, _)| cell[4] == "-") {
-            println!("| {} | {version} | {} |", cell[..4].join(" | "), panels[0][COLUMNS - 7]);
-        }
+        ["all", "kpis"].iter().for_each(|evidence| print_answers(evidence, &cells));
+        print_limits(&cells);
     }
 }
 
 /// Columns of a line: form, theta, truth, n, evidence, left out, panel, pool, sets, right, sizes of the classes, named,
-/// decidable, right of these (`-` where it was not written down), answers, limits.
+/// decidable, right of these, answers, limits.
 const COLUMNS: usize = 16;
 
 /// Version of the diagnosis that wrote a line with this form of the engine.
@@ -485,6 +475,32 @@ fn print_confusion(n: &str, matrix: &ConfusionMatrix) {
     }
 }
 
+/// The answers of every cell over all panels.
+fn print_answers(evidence: &str, cells: &Cells) {
+    println!(
+        "\n| theta | truth | n | evidence | left out | diagnose | right | 95 % interval | by panel | mean class | \
+         right of decidable | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
+    );
+    for (cell, (version, panels)) in cells.iter().filter(|(cell, _)| cell[3] == evidence) {
+        println!("| {} | {version} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
+    }
+}
+
+/// What every effect shows in the first panel at n = [`SHOWN`], all observables, the whole library.
+fn print_limits(cells: &Cells) {
+    println!("\n| theta | truth | diagnose | effect | a | visible | η₉₀ | part |\n|---|---|---|---|---|---|---|---|");
+    for (&cell, (version, panels)) in cells {
+        let &[theta, truth, SHOWN, "all", "-"] = cell else { continue };
+        for effect in panels[0][COLUMNS - 7].split("; ").filter(|effect| !effect.is_empty()) {
+            let words = effect.split(' ').map(|word| word.rsplit('=').next().unwrap_or(word));
+            println!("| {theta} | {truth} | {version} | {} |", words.collect::<Vec<_>>().join(" | "));
+        }
+    }
+}
+
+/// Repetitions of the measurements at which the table of limits stands.
+const SHOWN: &str = "20";
+
 /// Answers of the panels and their number, as they stand in their lines.
 fn answers<'a>(panels: &[&[&'a str]]) -> Vec<(&'a str, usize)> {
     let texts = panels.iter().flat_map(|line| line[8].split("; ")).filter_map(|text| text.rsplit_once(": "));
@@ -493,9 +509,8 @@ fn answers<'a>(panels: &[&[&'a str]]) -> Vec<(&'a str, usize)> {
 
 /// The rest of a line of the matrix from the lines of its panels (from the number of the panel on).
 fn sum_up(panels: &[&[&str]]) -> [String; 6] {
-    let all = |column: usize| panels.iter().map(|line| line[column].parse::<u32>()).sum::<Result<u32, _>>().ok();
-    let sum = |column: usize| all(column).unwrap_or(0);
-    let (sets, right, classes, named, decidable) = (sum(2), sum(3), sum(4), sum(5), sum(6));
+    let sum = |column: usize| panels.iter().filter_map(|line| line[column].parse::<u32>().ok()).sum::<u32>();
+    let (sets, right, classes, named, decidable, decided) = (sum(2), sum(3), sum(4), sum(5), sum(6), sum(7));
     let interval = clopper_pearson(right as usize, sets as usize, 0.95);
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for (answer, count) in answers(panels) {
@@ -507,11 +522,7 @@ fn sum_up(panels: &[&[&str]]) -> [String; 6] {
         format!("{:.3} to {:.3}", interval.lower, interval.upper),
         panels.iter().map(|line| line[3]).collect::<Vec<_>>().join(" + "),
         if named > 0 { format!("{:.2}", f64::from(classes) / f64::from(named)) } else { "-".to_owned() },
-        match all(7) {
-            _ if decidable == 0 => "-".to_owned(),
-            Some(decided) => format!("{decided} of {decidable}"),
-            None => format!("? of {decidable}"),
-        },
+        if decidable > 0 { format!("{decided} of {decidable}") } else { "-".to_owned() },
         answers.join("; "),
     ]
 }

@@ -145,6 +145,24 @@ table! {
 }
 
 table! {
+    /// Where the runs of the diagnosis stand: one row per point and parameter, and per effect that is switched on there.
+    pub struct PointRow in "diagnose_points" version 1 sorted by (label, point, name) {
+        /// Who asked for the runs, as in `diagnose_runs`.
+        label: String ["1"],
+        /// Point within the label, from 1.
+        point: u32 ["1"],
+        /// Name of the parameter or effect.
+        name: String ["1"],
+        /// Value of the parameter or strength of the effect, in `unit`.
+        value: f64 ["see unit"],
+        /// Unit of `value`.
+        unit: String ["1"],
+        /// Hash of the parameter values and effect strengths, as in `diagnose_runs`.
+        parameter_hash: String ["1"],
+    }
+}
+
+table! {
     /// One row per simulation and observable.
     pub struct KpiRow in "kpis" version 1 partitioned by experiment sorted by (label, experiment, point, repetition, kpi) {
         /// Who asked for the run, as in `runs`.
@@ -883,6 +901,7 @@ pub const TABLES: &[&TableSpec] = &[
     &VALIDATE_RUNS,
     &VALIDATE_KPIS,
     ValidationRow::SPEC,
+    PointRow::SPEC,
     &DIAGNOSE_RUNS,
     &DIAGNOSE_KPIS,
     SignatureRow::SPEC,

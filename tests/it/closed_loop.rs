@@ -6,11 +6,13 @@
 //! targets, which a coarse set-up may not judge.
 
 use crate::support::{Study, shipped_setup};
+use granulake::campaign::Point;
 use granulake::store::table;
 use granulake::tables::{
-    AttributionRow, BeforeAfterRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, KpiRow, RecalibrationRow, RunRow, VerdictRow,
+    AttributionRow, BeforeAfterRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, KpiRow, PointRow, RecalibrationRow, RunRow,
+    VerdictRow,
 };
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 const HEAD: &str = r#"
 [study]
@@ -109,6 +111,33 @@ fn hidden_effects_are_named_and_nothing_else_is() {
     for (name, _) in SETS {
         let places = optimum_is_where_runs_stand(&study, name);
         assert!((1..=4).contains(&places), "{name}: {places}");
+    }
+    every_run_has_its_parameters(&study);
+}
+
+/// Where a run stands is told: the parameters and effects of its point hash to what the run has, and no point is told without runs.
+fn every_run_has_its_parameters(study: &Study) {
+    let loaded = granulake::pipeline::Study::load(&study.path("pipeline.toml")).expect("a study");
+    let config = &loaded.config;
+    let is_effect = |row: &&PointRow| config.effects.library.find(&row.name).is_ok();
+    let values = |rows: &[&PointRow]| rows.iter().map(|row| (row.name.clone(), row.value)).collect::<Vec<_>>();
+    let told: Vec<PointRow> = study.table();
+    let mut of_point: BTreeMap<(String, u32), Vec<&PointRow>> = BTreeMap::new();
+    for row in &told {
+        of_point.entry((row.label.clone(), row.point)).or_default().push(row);
+    }
+    let runs: Vec<RunRow> = table::read(&study.path("artifacts"), &DIAGNOSE_RUNS).expect("a table");
+    let places: BTreeSet<(String, u32)> = runs.iter().map(|run| (run.label.clone(), run.point)).collect();
+    assert!(places.iter().eq(of_point.keys()), "points of runs are not those that are told");
+    let hashes = of_point.iter().map(|(place, rows)| {
+        let (effects, parameters): (Vec<&PointRow>, Vec<&PointRow>) = rows.iter().copied().partition(is_effect);
+        assert_eq!(parameters.len(), config.parameters.len(), "{place:?}");
+        let point = Point::new(place.1, config.base_settings(), &values(&parameters)).expect("a point");
+        (place, point.with_effects(&values(&effects)).hash().expect("a hash").to_string())
+    });
+    let hashes: BTreeMap<_, _> = hashes.collect();
+    for run in &runs {
+        assert_eq!(run.parameter_hash, hashes[&(run.label.clone(), run.point)], "{} {}", run.label, run.point);
     }
 }
 

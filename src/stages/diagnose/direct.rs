@@ -43,7 +43,7 @@ pub fn held_out_job(context: &Context, named: (String, u32), x: &[f64], axis: Op
     Ok(Job { experiments: vec![validate.experiment], ..job(context, named, x, axis, validate.repetitions)? })
 }
 
-/// Runs of the held-out experiment at `u`.
+/// Runs of the held-out experiment at `u`; a place that the label knows keeps its number.
 pub fn held_out(
     context: &Context,
     lab: &mut Lab,
@@ -52,7 +52,8 @@ pub fn held_out(
     effects: &[(String, f64)],
 ) -> Result<Batch, StageError> {
     let validate = context.config.validate;
-    let point = with_more(context, &point_at(context, 1, u.as_slice())?, effects);
+    let mut point = with_more(context, &point_at(context, 1, u.as_slice())?, effects);
+    point.number = lab.number(&label, &point)?;
     let experiments: Vec<&'static dyn Experiment> = vec![validate.experiment];
     Ok(lab.run(&[Job { label, point, experiments, repetitions: validate.repetitions }])?.remove(0))
 }

@@ -1,10 +1,12 @@
 //! The laboratory of the diagnosis: batches of runs at chosen points, with everything that was run kept for the tables.
 
 use super::moments::Batch;
-use crate::campaign::{Point, Request};
+use crate::campaign::{CampaignError, Point, Request};
+use crate::config::Config;
 use crate::experiments::Experiment;
+use crate::settings;
 use crate::stages::{Context, StageError};
-use crate::tables::list::{KpiRow, RunRow};
+use crate::tables::list::{KpiRow, PointRow, RunRow};
 use std::sync::Arc;
 
 /// A batch asked for: repetitions 1..=n of some experiments at one point.
@@ -22,6 +24,8 @@ pub struct Job {
 /// Runs batches and keeps their rows.
 pub struct Lab<'a> {
     context: &'a Context<'a>,
+    /// Where these runs stand.
+    pub points: Vec<PointRow>,
     /// Every run so far.
     pub runs: Vec<RunRow>,
     /// Every observable so far.
@@ -31,7 +35,7 @@ pub struct Lab<'a> {
 impl<'a> Lab<'a> {
     /// An empty laboratory.
     pub fn new(context: &'a Context<'a>) -> Self {
-        Self { context, runs: Vec::new(), kpis: Vec::new() }
+        Self { context, points: Vec::new(), runs: Vec::new(), kpis: Vec::new() }
     }
 
     /// Runs all jobs together and gives the batch of each, in order.
@@ -48,10 +52,54 @@ impl<'a> Lab<'a> {
         let runs = self.context.campaign.simulate(&requests)?;
         let kpis = self.context.campaign.measure(&requests, &runs)?;
         let batches = batches(&kpis, jobs, self.context.config.base_settings()["series_length"] as u32);
+        for job in jobs {
+            self.note(job)?;
+        }
         self.runs.extend(runs);
         self.kpis.extend(kpis);
         Ok(batches)
     }
+
+    /// Number of a place under a label: the one that it has, or the next.
+    ///
+    /// # Errors
+    /// A parameter value that is NaN.
+    pub fn number(&self, label: &str, point: &Point) -> Result<u32, StageError> {
+        let hash = point.hash()?.to_string();
+        let of_label = || self.points.iter().filter(|row| row.label == label);
+        let known = of_label().find(|row| row.parameter_hash == hash).map(|row| row.point);
+        Ok(known.unwrap_or_else(|| 1 + of_label().map(|row| row.point).max().unwrap_or(0)))
+    }
+
+    /// Keeps where a job stands; several may ask for runs at one place.
+    fn note(&mut self, job: &Job) -> Result<(), StageError> {
+        let rows = point_rows(self.context.config, job)?;
+        if !rows.first().is_some_and(|row| self.points.contains(row)) {
+            self.points.extend(rows);
+        }
+        Ok(())
+    }
+}
+
+/// Parameters and effects of the point of a job.
+fn point_rows(config: &Config, job: &Job) -> Result<Vec<PointRow>, StageError> {
+    let hash = job.point.hash()?.to_string();
+    let row = |name: &str, value: f64, unit: &str| PointRow {
+        label: job.label.clone(),
+        point: job.point.number,
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+        parameter_hash: hash.clone(),
+    };
+    let mut rows = Vec::new();
+    for (name, value) in &job.point.parameters {
+        rows.push(row(name, *value, settings::spec(name).map_err(CampaignError::from)?.unit));
+    }
+    for (name, strength) in &job.point.effects {
+        rows.push(row(name, *strength, config.effects.library.find(name).map_err(CampaignError::from)?.unit()));
+    }
+    Ok(rows)
 }
 
 /// The runs of a job.

@@ -36,7 +36,7 @@ use crate::config::{Config, Measured};
 use crate::tables::Row;
 use crate::tables::list::{
     AggregateRow, AttributionRow, BeforeAfterRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HyperparameterRow,
-    RecalibrationRow, ResidualRow, SampleRow, SignatureRow, VerdictRow,
+    PointRow, RecalibrationRow, ResidualRow, SampleRow, SignatureRow, VerdictRow,
 };
 use anchors::Anchors;
 use controls::{Control, Offset};
@@ -47,10 +47,11 @@ use verdict::{Prepared, prepare};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 33,
+    version: 34,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
+        PointRow::SPEC,
         &DIAGNOSE_RUNS,
         &DIAGNOSE_KPIS,
         SignatureRow::SPEC,
@@ -130,6 +131,7 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
         verdict::diagnose(&models, &anchors, &mut lab, (set, prepared), &mut tables)?;
     }
     let mut outputs = Outputs::default();
+    outputs.table(lab.points)?;
     outputs.table_as(&DIAGNOSE_RUNS, lab.runs)?;
     outputs.table_as(&DIAGNOSE_KPIS, lab.kpis)?;
     outputs.table(tables.signatures)?;
