@@ -17,7 +17,7 @@ use granulake::stages::{Context, Panel, PanelRows};
 use granulake::stats::summary::clopper_pearson;
 use granulake::tables::KpiRow;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -260,7 +260,7 @@ impl Hidden<'_> {
 
     fn judge(&self, panel: &Panel, sets: &[Measured], cell: &Cell) -> Result<Tally, Failed> {
         let first = panel.judge(&sets[0], LIMIT_DRAWS).map_err(|e| e.to_string())?;
-        let (_, limits, _) = first.ok_or("a drawn set lacks an observable")?;
+        let first = first.ok_or("a drawn set lacks an observable")?;
         // Where nothing was found, whether that is right depends on the detection limit of the set.
         let may_be_weak = self.effect.is_some() && cell.without.is_none();
         let judged = |set| match panel.judge(set, 0)? {
@@ -274,7 +274,7 @@ impl Hidden<'_> {
             .map_err(|e| e.to_string())?;
         let effect = self.effect.map(|(name, strength)| (name.to_owned(), strength));
         let declaration = Declaration { effect, foreign: false, parameters: BTreeMap::default() };
-        let mut tally = Tally::new(&limits);
+        let mut tally = Tally::new(&first);
         for (verdict, attribution, confusion) in judged.into_iter().flatten() {
             tally.add(&score(&declaration, &Solution { verdict, attribution, confusion }));
         }
@@ -353,22 +353,36 @@ struct Tally {
     decidable: u32,
     /// Those of them that are right.
     decided: u32,
+    /// Sets in which one name alone is due.
+    apart: u32,
+    /// Those of them that have it.
+    alone: u32,
+    /// D² of the hidden effect to the nearest rival in every set.
+    separations: Vec<f64>,
     answers: BTreeMap<String, u32>,
+    /// What every effect shows in the first set.
     limits: String,
+    /// Directions of evidence of the first set.
+    dof: u32,
+    /// How alike the effects look in the first set.
+    cosines: String,
 }
 
 impl Tally {
-    fn new(limits: &[granulake::tables::AttributionRow]) -> Self {
-        let mut text = String::new();
+    fn new((verdict, limits, confusion): &PanelRows) -> Self {
+        let mut tally = Self { dof: verdict.dof, ..Self::default() };
         for row in limits {
             let limit = row.strength_90.map_or("-".to_owned(), |limit| format!("{limit:.3}"));
             let _ = write!(
-                text,
+                tally.limits,
                 "{} a={:.3} visible={:.2} eta90={limit} {}; ",
                 row.effect, row.a, row.visibility, row.part
             );
         }
-        Self { limits: text, ..Self::default() }
+        for pair in confusion {
+            let _ = write!(tally.cosines, "{} {}={:.2}; ", pair.effect, pair.other, pair.cosine);
+        }
+        tally
     }
 
     fn add(&mut self, score: &Score) {
@@ -377,11 +391,21 @@ impl Tally {
         let is_due = score.decidable == Some(true);
         self.decidable += u32::from(is_due);
         self.decided += u32::from(is_due && score.correct);
+        self.apart += u32::from(score.is_due_alone());
+        self.alone += u32::from(score.is_due_alone() && score.is_alone());
+        self.separations.extend(score.separation);
         if !score.named.is_empty() {
             self.named += 1;
             self.class_size += score.named.len() as u32;
         }
         *self.answers.entry(score.answer()).or_default() += 1;
+    }
+
+    /// The median of D²; nothing where nothing is hidden.
+    fn separation(&self) -> String {
+        let mut sorted = self.separations.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).map_or_else(String::new, |median| format!("{median:.1}"))
     }
 }
 
@@ -403,9 +427,12 @@ impl Book {
 
     fn add(&mut self, key: String, tally: &Tally) -> Result<(), Failed> {
         let answers: Vec<String> = tally.answers.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
-        let Tally { correct, class_size, named, decidable, decided, limits, .. } = tally;
-        let answers = answers.join("; ");
-        let line = format!("{key},{correct},{class_size},{named},{decidable},{decided},{answers},{limits}");
+        let Tally { correct, class_size, named, decidable, decided, apart, alone, limits, dof, cosines, .. } = tally;
+        let (answers, separation) = (answers.join("; "), tally.separation());
+        let line = format!(
+            "{key},{correct},{class_size},{named},{decidable},{decided},{apart},{alone},{separation},{answers},{limits},\
+             {dof},{cosines}"
+        );
         println!("{line}");
         self.lines.push(line);
         Ok(std::fs::write(&self.path, self.lines.join("\n") + "\n")?)
@@ -422,8 +449,8 @@ impl Book {
 }
 
 /// Columns of a line: form, theta, truth, n, evidence, left out, panel, pool, sets, right, sizes of the classes, named,
-/// decidable, right of these, answers, limits.
-const COLUMNS: usize = 16;
+/// decidable, right of these, D² > 10, named alone of these, median of D², answers, limits, d, cosines.
+const COLUMNS: usize = 21;
 
 /// Version of the diagnosis that wrote a line with this form of the engine.
 fn version_of(line: &[&str]) -> Option<u32> {
@@ -479,23 +506,40 @@ fn print_confusion(n: &str, matrix: &ConfusionMatrix) {
 fn print_answers(evidence: &str, cells: &Cells) {
     println!(
         "\n| theta | truth | n | evidence | left out | diagnose | right | 95 % interval | by panel | mean class | \
-         right of decidable | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
+         right of decidable | alone of D² > 10 | median D² | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for (cell, (version, panels)) in cells.iter().filter(|(cell, _)| cell[3] == evidence) {
         println!("| {} | {version} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
     }
 }
 
-/// What every effect shows in the first panel at n = [`SHOWN`], all observables, the whole library.
+/// What every effect shows in the first set of the first panel at n = [`SHOWN`], all observables, the whole library, and its
+/// cosines with the others.
 fn print_limits(cells: &Cells) {
-    println!("\n| theta | truth | diagnose | effect | a | visible | η₉₀ | part |\n|---|---|---|---|---|---|---|---|");
-    for (&cell, (version, panels)) in cells {
-        let &[theta, truth, SHOWN, "all", "-"] = cell else { continue };
-        for effect in panels[0][COLUMNS - 7].split("; ").filter(|effect| !effect.is_empty()) {
-            let words = effect.split(' ').map(|word| word.rsplit('=').next().unwrap_or(word));
-            println!("| {theta} | {truth} | {version} | {} |", words.collect::<Vec<_>>().join(" | "));
+    let shown = cells.iter().filter(|(cell, _)| matches!(cell, [_, _, SHOWN, "all", "-"]));
+    let shown: Vec<_> = shown.map(|(cell, (version, panels))| (cell, version, panels[0])).collect();
+    let effects: BTreeSet<&str> = shown.iter().flat_map(|(.., line)| limits(line)).map(|words| words[0]).collect();
+    let heads: String = effects.iter().map(|effect| format!(" c with {effect} |")).collect();
+    println!("\n| theta | truth | diagnose | d | effect | a | visible | η₉₀ | part |{heads}");
+    println!("|{}", "---|".repeat(9 + effects.len()));
+    for (cell, version, line) in shown {
+        for words in limits(line) {
+            let c = effects.iter().map(|other| cosine(line, words[0], other)).collect::<Vec<_>>().join(" | ");
+            println!("| {} | {} | {version} | {} | {} | {c} |", cell[0], cell[1], line[13], words.join(" | "));
         }
     }
+}
+
+/// The limits of a line: effect, a, visible, η₉₀, part.
+fn limits<'a>(line: &[&'a str]) -> Vec<Vec<&'a str>> {
+    let effects = line[12].split("; ").filter(|effect| !effect.is_empty());
+    effects.map(|effect| effect.split(' ').map(|word| word.rsplit('=').next().unwrap_or(word)).collect()).collect()
+}
+
+/// The cosine of two effects in a line.
+fn cosine<'a>(line: &[&'a str], effect: &str, other: &str) -> &'a str {
+    let pair = format!("{effect} {other}=");
+    line[14].split("; ").find_map(|text| text.strip_prefix(&pair)).unwrap_or("–")
 }
 
 /// Repetitions of the measurements at which the table of limits stands.
@@ -503,26 +547,29 @@ const SHOWN: &str = "20";
 
 /// Answers of the panels and their number, as they stand in their lines.
 fn answers<'a>(panels: &[&[&'a str]]) -> Vec<(&'a str, usize)> {
-    let texts = panels.iter().flat_map(|line| line[8].split("; ")).filter_map(|text| text.rsplit_once(": "));
+    let texts = panels.iter().flat_map(|line| line[11].split("; ")).filter_map(|text| text.rsplit_once(": "));
     texts.map(|(answer, count)| (answer, count.parse().unwrap_or(0))).collect()
 }
 
 /// The rest of a line of the matrix from the lines of its panels (from the number of the panel on).
-fn sum_up(panels: &[&[&str]]) -> [String; 6] {
+fn sum_up(panels: &[&[&str]]) -> [String; 8] {
     let sum = |column: usize| panels.iter().filter_map(|line| line[column].parse::<u32>().ok()).sum::<u32>();
-    let (sets, right, classes, named, decidable, decided) = (sum(2), sum(3), sum(4), sum(5), sum(6), sum(7));
+    let (sets, right, classes, named) = (sum(2), sum(3), sum(4), sum(5));
     let interval = clopper_pearson(right as usize, sets as usize, 0.95);
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for (answer, count) in answers(panels) {
         *counts.entry(answer).or_default() += count;
     }
     let answers: Vec<String> = counts.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
+    let share = |hits: u32, of: u32| if of > 0 { format!("{hits} of {of}") } else { "-".to_owned() };
     [
         format!("{right} of {sets}"),
         format!("{:.3} to {:.3}", interval.lower, interval.upper),
         panels.iter().map(|line| line[3]).collect::<Vec<_>>().join(" + "),
         if named > 0 { format!("{:.2}", f64::from(classes) / f64::from(named)) } else { "-".to_owned() },
-        if decidable > 0 { format!("{decided} of {decidable}") } else { "-".to_owned() },
+        share(sum(7), sum(6)),
+        share(sum(9), sum(8)),
+        panels.iter().map(|line| line[10]).filter(|median| !median.is_empty()).collect::<Vec<_>>().join(" + "),
         answers.join("; "),
     ]
 }

@@ -24,6 +24,9 @@ pub struct Score {
     pub found_sd: Option<f64>,
     /// Smallest strength that is detected with the wanted probability, if there is one.
     pub detectable: Option<f64>,
+    /// What the nearest other candidate leaves of the hidden effect, in squared standard errors (D²); all of it where no
+    /// other may be named.
+    pub separation: Option<f64>,
     /// Whether an effect that was left out differs enough from every candidate for "none of them" to be due.
     pub decidable: Option<bool>,
     /// Whether the verdict is right.
@@ -40,6 +43,18 @@ impl Score {
     /// Whether the verdict names the hidden effect, alone or in a class.
     pub fn names_truth(&self) -> bool {
         self.named.contains(&self.truth)
+    }
+
+    /// Whether an effect of the library is hidden that no rival comes near, so that its name alone is due: D² exceeds 10. Not
+    /// where it is right to see nothing.
+    pub fn is_due_alone(&self) -> bool {
+        let apart = self.in_library && self.separation.is_some_and(|left| left > APART);
+        apart && !(self.correct && self.verdict == QUIET)
+    }
+
+    /// Whether the verdict names the hidden effect and no other.
+    pub fn is_alone(&self) -> bool {
+        self.verdict == "effect" && self.named == [self.truth.as_str()]
     }
 
     /// The verdict by what is hidden: the effect named alone, a class with it or without, the effects of a pair, or the verdict.
@@ -105,6 +120,11 @@ fn is_decidable(shift: f64, dof: u32) -> bool {
     chi2_sf(chi2_quantile(1.0 - level, d) / scale, freedom) >= power
 }
 
+/// D² to the nearest rival beyond which one name is due: a class ends where the misfits differ by 6.
+const APART: f64 = 10.0;
+/// The verdict that nothing is seen.
+const QUIET: &str = "no_detectable_discrepancy";
+
 /// Largest class that still counts as an answer.
 const LARGEST_CLASS: usize = 3;
 
@@ -130,15 +150,16 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
     let hidden = declaration.effect.as_ref();
     let row = hidden.and_then(|(name, _)| solution.attribution.iter().find(|row| row.effect == *name));
     let in_library = row.is_some_and(|row| row.part != LEFT_OUT);
-    let quiet = verdict.verdict == "no_detectable_discrepancy";
+    let quiet = verdict.verdict == QUIET;
     let none = verdict.verdict == "none_of_the_candidates";
     let one_or_class = matches!(verdict.verdict.as_str(), "effect" | "class") && named.len() <= LARGEST_CLASS;
     let detectable = row.and_then(|row| row.strength_90);
-    let decidable = hidden.zip(row).filter(|_| !in_library).map(|((_, strength), row)| {
+    let separation = hidden.zip(row).map(|((_, strength), row)| {
         // Where no candidate may be named, all of it is left.
         let whole = row.a * strength;
-        is_decidable(solution.nearest(row, *strength).map_or(whole * whole, |(_, left)| left), verdict.dof)
+        solution.nearest(row, *strength).map_or(whole * whole, |(_, left)| left)
     });
+    let decidable = separation.filter(|_| !in_library).map(|left| is_decidable(left, verdict.dof));
     let correct = match hidden {
         None if declaration.foreign => none,
         None => quiet,
@@ -156,6 +177,7 @@ pub fn score(declaration: &Declaration, solution: &Solution) -> Score {
         truth: hidden.map_or(if declaration.foreign { "foreign" } else { "none" }, |(name, _)| name).to_owned(),
         strength: hidden.map(|(_, strength)| *strength),
         in_library,
+        separation,
         decidable,
         verdict: verdict.verdict.clone(),
         found: row.map(|row| row.strength),

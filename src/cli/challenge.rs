@@ -230,7 +230,7 @@ impl<'d> Opened<'d> {
             "dir": self.dir.display().to_string(), "truth": s.truth, "strength": s.strength, "in_library": s.in_library,
             "verdict": s.verdict, "named": s.named, "t0": t0, "dof": dof, "p": p,
             "found": s.found, "found_sd": s.found_sd, "off": s.off(), "detectable": s.detectable,
-            "decidable": s.decidable, "correct": s.correct, "parameters_off": self.parameters,
+            "separation": s.separation, "decidable": s.decidable, "correct": s.correct, "parameters_off": self.parameters,
         })
     }
 
@@ -281,6 +281,7 @@ fn rates(opened: &[Opened]) -> Vec<String> {
             "effects at or above their detection limit named, alone or in a class",
             &of(Score::is_detectable, |s| s.correct),
         ),
+        rate("effects with D² > 10 to every rival named alone", &of(Score::is_due_alone, Score::is_alone)),
         rate("false alarms where nothing is hidden", &of(|s| s.truth == "none", |s| !s.correct)),
     ];
     let strengths: Vec<f64> = opened.iter().filter_map(|one| one.score.off()).collect();

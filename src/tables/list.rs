@@ -772,6 +772,22 @@ table! {
 }
 
 table! {
+    /// The verdict with other widths of the priors of the strengths and of "something else" than those of the study.
+    pub struct PriorWidthRow in "prior_widths" version 1 sorted by (measured, strength_factor, other_factor) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// Factor on the width of the prior of every strength.
+        strength_factor: f64 ["1"],
+        /// Factor on the width of the prior of "something else".
+        other_factor: f64 ["1"],
+        /// Verdict code there, as in `verdicts`.
+        verdict: String ["1"],
+        /// Effects it names, separated by commas.
+        effects: String ["1"],
+    }
+}
+
+table! {
     /// Parameters and strengths before and after the effect was added.
     pub struct RecalibrationRow in "recalibration" version 1 sorted by (measured, model, name) {
         /// Measured data set.
@@ -823,6 +839,37 @@ table! {
         after_lower_percent: Option<f64> ["%"],
         /// Upper limit of its confidence interval.
         after_upper_percent: Option<f64> ["%"],
+        /// Unit of the values.
+        unit: String ["1"],
+    }
+}
+
+table! {
+    /// What the held-out experiment says of an effect that was added: one row per mean that was measured. The level of the
+    /// intervals is shared out among the means of a data set.
+    pub struct HeldOutRow in "held_out" version 1 sorted by (measured, kpi) {
+        /// Measured data set.
+        measured: String ["1"],
+        /// The effect.
+        effect: String ["1"],
+        /// Experiment.
+        experiment: String ["1"],
+        /// Observable.
+        kpi: String ["1"],
+        /// Simulated less measured mean without the effect; null where no run has a value, see `diagnose_kpis`.
+        before_error: Option<f64> ["see unit"],
+        /// Simulated less measured mean with it.
+        after_error: Option<f64> ["see unit"],
+        /// Half width of the interval of the error with it, what the data leave open in the parameters included; null where
+        /// that is not known.
+        after_half_width: Option<f64> ["see unit"],
+        /// What the effect changes, parameters fitted again.
+        change: Option<f64> ["see unit"],
+        /// Change that runs and measurements would hide; null where that is not known.
+        noise: Option<f64> ["see unit"],
+        /// better, within (the error grew, and its interval holds zero), worse (it does not: the model without the effect is
+        /// kept) or cannot_judge (the change is hidden, or a mean or its interval is not known).
+        judgement: String ["1"],
         /// Unit of the values.
         unit: String ["1"],
     }
@@ -909,8 +956,10 @@ pub const TABLES: &[&TableSpec] = &[
     AttributionRow::SPEC,
     ConfusionRow::SPEC,
     VerdictRow::SPEC,
+    PriorWidthRow::SPEC,
     RecalibrationRow::SPEC,
     BeforeAfterRow::SPEC,
+    HeldOutRow::SPEC,
 ];
 
 /// Tables that the lake keeps of itself, in `ledger/`: what they hold depends on time and machine.

@@ -260,6 +260,24 @@ fn answers_are_scored_as_the_truth_allows() {
 }
 
 #[test]
+fn a_name_alone_is_due_where_no_rival_comes_near() {
+    // Half of D² at the strength of 1 that was found; 0.8 is hidden, so that D² is 1.28 times this.
+    let of = |verdict, part, separation| scored(Some(("cohesion", 0.8)), false, verdict, part, separation);
+    let far = of(("effect", "cohesion"), "named", 8.0);
+    assert!((far.separation.expect("a rival") - 10.24).abs() < 1e-12);
+    assert!(far.is_due_alone() && far.is_alone());
+    let class = of(("class", "tilt,cohesion"), "named", 8.0);
+    assert!(class.correct && class.is_due_alone() && !class.is_alone());
+    assert!(!of(("class", "tilt,cohesion"), "named", 7.5).is_due_alone(), "D² = 9.6");
+    assert!(!of(("effect", "tilt"), "named", 8.0).is_alone(), "another name");
+    assert!(!of(("none_of_the_candidates", ""), "left_out", 80.0).is_due_alone(), "no candidate");
+    let quiet = ("no_detectable_discrepancy", "");
+    assert!(of(quiet, "named", 8.0).is_due_alone(), "a miss");
+    let weak = scored(Some(("cohesion", 0.4)), false, quiet, "named", 80.0);
+    assert!(weak.separation > Some(10.0) && !weak.is_due_alone(), "nothing need be seen below the detection limit");
+}
+
+#[test]
 fn a_score_tells_how_far_a_strength_is_off_and_whether_it_could_be_found() {
     let of = |strength, verdict| scored(Some(("cohesion", strength)), false, verdict, "named", 0.0);
     let named = of(0.8, ("class", "tilt,cohesion"));

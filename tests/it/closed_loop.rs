@@ -9,8 +9,8 @@ use crate::support::{Study, shipped_setup};
 use granulake::campaign::Point;
 use granulake::store::table;
 use granulake::tables::{
-    AttributionRow, BeforeAfterRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, KpiRow, PointRow, RecalibrationRow, RunRow,
-    VerdictRow,
+    AttributionRow, BeforeAfterRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HeldOutRow, KpiRow, PointRow, PriorWidthRow,
+    RecalibrationRow, RunRow, VerdictRow,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -103,7 +103,9 @@ fn hidden_effects_are_named_and_nothing_else_is() {
         strength_is_recovered(&study, name, effect, strength);
         errors_shrink(&study, name);
         held_out_means_are_within(&study, name);
+        held_out_means_have_a_say(&study, name, effect, &row.sentence);
     }
+    priors_are_varied(&study, &verdicts);
     assert_eq!(verdict("plain").verdict, "no_detectable_discrepancy", "{}", verdict("plain").sentence);
     assert_eq!(verdict("foreign").verdict, "none_of_the_candidates", "{}", verdict("foreign").sentence);
     assert_eq!(verdict("paper").verdict, "not_attributable", "{}", verdict("paper").sentence);
@@ -113,6 +115,43 @@ fn hidden_effects_are_named_and_nothing_else_is() {
         assert!((1..=4).contains(&places), "{name}: {places}");
     }
     every_run_has_its_parameters(&study);
+}
+
+/// Eight widths of the priors beside the study's own. What is hidden plainly is named by all of them; where any says something
+/// else, the advice tells.
+fn priors_are_varied(study: &Study, verdicts: &[VerdictRow]) {
+    let widths: Vec<PriorWidthRow> = study.table();
+    for (name, _) in SETS {
+        let own = verdicts.iter().find(|row| row.measured == name).expect("a verdict");
+        let of_set: Vec<_> = widths.iter().filter(|row| row.measured == name).collect();
+        assert_eq!(of_set.len(), 8, "{name}");
+        assert!(of_set.iter().all(|row| (row.strength_factor, row.other_factor) != (1.0, 1.0)), "{of_set:?}");
+        let differs = |row: &&&PriorWidthRow| (&row.verdict, &row.effects) != (&own.verdict, &own.effects);
+        let differ = of_set.iter().filter(differs).count();
+        let told = format!("{differ} of 8 other widths of the priors");
+        assert_eq!(own.advice.contains("other widths of the priors"), differ > 0, "{}", own.advice);
+        assert!(differ == 0 || own.advice.contains(&told), "{name}: {} but {of_set:?}", own.advice);
+        assert!(own.verdict != "effect" || differ == 0, "{name}: {of_set:?}");
+    }
+}
+
+/// One row per mean of the hopper, which tells what the sentence says, with the errors of the table beside it.
+fn held_out_means_have_a_say(study: &Study, name: &str, effect: &str, sentence: &str) {
+    let rows: Vec<HeldOutRow> = study.table();
+    let rows: Vec<_> = rows.iter().filter(|row| row.measured == name).collect();
+    let compared: Vec<BeforeAfterRow> = study.table();
+    let is_mean = |row: &&BeforeAfterRow| row.measured == name && row.experiment == "hopper" && row.statistic == "mean";
+    let means: Vec<_> = compared.iter().filter(is_mean).collect();
+    assert!(!rows.is_empty() && rows.len() == means.len(), "{name}: {rows:?}");
+    let close = |a: Option<f64>, b: Option<f64>| a.zip(b).map_or(a == b, |(a, b)| (a - b).abs() < 1e-9);
+    for (row, mean) in rows.iter().zip(means) {
+        assert_eq!((&row.kpi, row.effect.as_str()), (&mean.kpi, effect));
+        assert!(close(row.before_error, mean.before.map(|before| before - mean.measured_value)), "{row:?}");
+        assert!(close(row.change, mean.after.zip(mean.before).map(|(after, before)| after - before)), "{row:?}");
+    }
+    // The effect is in the data, so that it makes nothing worse.
+    assert!(rows.iter().all(|row| row.judgement != "worse"), "{name}: {rows:?}");
+    assert!(!sentence.contains("is kept") && sentence.to_lowercase().contains("held"), "{sentence}");
 }
 
 /// Where a run stands is told: the parameters and effects of its point hash to what the run has, and no point is told without runs.
@@ -205,4 +244,34 @@ fn held_out_means_are_within(study: &Study, name: &str) {
         count += usize::from(row.experiment == "hopper");
     }
     assert!(count >= 1, "{name}: no held-out mean has an error");
+}
+
+/// The verdict names nothing in the quick study; a name in its place adds that effect all the same, and nothing with "none".
+#[test]
+fn an_effect_is_added_as_the_study_accepts_it() {
+    let study = Study::quick();
+    study.succeed(&["repro"]);
+    let models = || {
+        let rows: Vec<RecalibrationRow> = study.table();
+        rows.into_iter().map(|row| (row.model, row.name)).collect::<BTreeSet<_>>()
+    };
+    let (after, strength) = ("after".to_owned(), ("after".to_owned(), "size_distribution".to_owned()));
+    let plain = models();
+    assert!(plain.iter().all(|(model, _)| *model != after), "{plain:?}");
+    study.edit("pipeline.toml", "[diagnose]", "[effects]\naccept = \"size_distribution\"\n\n[diagnose]");
+    study.succeed(&["repro"]);
+    assert!(models().contains(&strength), "{:?}", models());
+    let added: Vec<BeforeAfterRow> = study.table();
+    assert!(added.iter().any(|row| row.after_error_percent.is_some()), "{added:?}");
+    let judged: Vec<HeldOutRow> = study.table();
+    let told: Vec<_> = judged.iter().map(|row| (row.kpi.as_str(), row.change, row.judgement.as_str())).collect();
+    assert_eq!(told, [("angle_of_repose", None, "cannot_judge")], "an arch over the slot of this pile, in every run");
+    let verdicts: Vec<VerdictRow> = study.table();
+    let said = " The held-out data cannot judge size_distribution.";
+    assert!(verdicts[0].sentence.ends_with(said), "{}", verdicts[0].sentence);
+    study.edit("pipeline.toml", "accept = \"size_distribution\"", "accept = \"none\"");
+    study.succeed(&["repro"]);
+    assert_eq!(models(), plain);
+    let judged: Vec<HeldOutRow> = study.table();
+    assert!(judged.is_empty(), "{judged:?}");
 }

@@ -5,6 +5,7 @@
 use super::Tables;
 use super::direct;
 use super::evidence::statistic;
+use super::held_out;
 use super::joint::{Contender, Estimate, sds};
 use super::lab::Lab;
 use super::leeway::Leeway;
@@ -19,11 +20,23 @@ use crate::tables::list::{BeforeAfterRow, RecalibrationRow};
 use nalgebra::DVector;
 
 /// Runs of a model.
-struct Runs {
+pub struct Runs {
     fitted: Batch,
     held_out: Batch,
     /// The held-out experiment where else the parameters may be.
     leeway: Leeway,
+}
+
+impl Runs {
+    /// What the model says of a statistic; `None` where no run has a value.
+    pub fn found(&self, case: &Case, statistic: &Statistic) -> Option<Found> {
+        let is_held_out = statistic.experiment == case.context.config.validate.experiment.name();
+        let batch = if is_held_out { &self.held_out } else { &self.fitted };
+        let values: Vec<f64> = batch.series(statistic)?.values().copied().collect();
+        let open = if is_held_out { self.leeway.variance(statistic) } else { Some(0.0) };
+        let statistics = &case.context.config.statistics;
+        Some(Found { summary: summarise(&values, statistics.confidence, statistics.convention), open })
+    }
 }
 
 /// Recalibrates with the effect, simulates both models and adds the rows of `recalibration` and `before_after`.
@@ -52,8 +65,11 @@ pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &m
         rows.extend([Moment::Mean, Moment::LnSd].map(row));
     }
     let verdict = tables.verdicts.iter_mut().find(|verdict| verdict.measured == case.set.name);
-    if let (Some(verdict), Some(contender)) = (verdict, added.filter(|_| after.is_some())) {
+    if let (Some(verdict), Some(contender), Some(after)) = (verdict, added, &after) {
+        let judged = held_out::rows(case, contender.name(), [&before, after]);
         verdict.sentence += &agreement(&rows, contender.name(), case.context.config.statistics.confidence);
+        verdict.sentence += &held_out::sentence(&judged, contender.name());
+        tables.held_out.extend(judged);
     }
     tables.before_after.extend(rows);
     Ok(())
@@ -110,33 +126,33 @@ struct ErrorPercent {
 }
 
 /// What a model says of a statistic.
-struct Found {
-    summary: Summary,
+pub struct Found {
+    /// Of the runs.
+    pub summary: Summary,
     /// Variance that the parameters bring to the mean; `None` where that is not known.
-    open: Option<f64>,
+    pub open: Option<f64>,
+}
+
+/// A statistic as it was measured, less the model's own offset, and the variance of the offset.
+pub fn target(case: &Case, summary: &MeasuredSummary, moment: Moment) -> (MeasuredSummary, f64) {
+    let one = |offset: &super::Offset| offset.one(&statistic(summary, moment));
+    let (shift, unsure) = case.evidence.offset.as_ref().and_then(one).unwrap_or_default();
+    (without(summary, moment, shift), unsure)
 }
 
 fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, models: [Option<&Runs>; 2]) -> BeforeAfterRow {
-    let is_held_out = summary.experiment == case.context.config.validate.experiment.name();
     let statistic = statistic(summary, moment);
-    let (shift, unsure) = case.evidence.offset.as_ref().and_then(|offset| offset.one(&statistic)).unwrap_or_default();
-    let summary = &without(summary, moment, shift);
+    let (summary, unsure) = &target(case, summary, moment);
     let confidence = case.context.config.statistics.confidence;
-    let found = |runs: &Runs| {
-        let batch = if is_held_out { &runs.held_out } else { &runs.fitted };
-        let values: Vec<f64> = batch.series(&statistic)?.values().copied().collect();
-        let open = if is_held_out { runs.leeway.variance(&statistic) } else { Some(0.0) };
-        Some(Found { summary: summarise(&values, confidence, case.context.config.statistics.convention), open })
-    };
-    let [before, after] = models.map(|runs| runs.and_then(found));
+    let [before, after] = models.map(|runs| runs.and_then(|runs| runs.found(case, &statistic)));
     let value = |found: &Option<Found>| {
         let found = &found.as_ref()?.summary;
         finite(if moment == Moment::Mean { found.mean } else { found.sd })
     };
     let spread = |n: usize| ln_sd_variance(case, &statistic, n);
     let error = |found: &Option<Found>| match found {
-        Some(found) if moment == Moment::Mean => mean_error(found, (summary, unsure), confidence),
-        Some(found) => sd_error(&found.summary, (summary, unsure), confidence, spread),
+        Some(found) if moment == Moment::Mean => mean_error(found, (summary, *unsure), confidence),
+        Some(found) => sd_error(&found.summary, (summary, *unsure), confidence, spread),
         None => ErrorPercent::default(),
     };
     let (first, second) = (error(&before), error(&after));
@@ -167,23 +183,42 @@ fn without(summary: &MeasuredSummary, moment: Moment, offset: f64) -> MeasuredSu
     }
 }
 
-/// Error of a mean with Welch's interval, widened by the variance of the offset and by what the parameters bring to it. Where the
-/// measured mean does not stand out of the scatter, as for a left-minus-right difference, a percentage of it means nothing and is
-/// left out.
+/// A difference of means and the half width of its interval, if that is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Difference {
+    /// The difference.
+    pub value: f64,
+    /// Half the width of its interval.
+    pub half: Option<f64>,
+}
+
+/// Variance of a sum or difference of means of (standard deviation, count), with its degrees of freedom after Welch and
+/// Satterthwaite.
+pub fn welch(means: &[(f64, f64)]) -> (f64, f64) {
+    let variances = means.iter().map(|(sd, n)| (sd * sd / n, n - 1.0));
+    let (sum, squares) = variances.fold((0.0, 0.0), |(sum, squares), (v, dof)| (sum + v, squares + v * v / dof));
+    (sum, sum * sum / squares)
+}
+
+/// The simulated mean less the measured one with Welch's interval, widened by the variance of the offset and by what the
+/// parameters bring to it.
+pub fn mean_difference(found: &Found, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> Difference {
+    let Found { summary: found, open } = found;
+    let (variance, dof) = welch(&[(found.sd, found.n as f64), (measured.sd, f64::from(measured.n))]);
+    let half = open.map(|open| student_t_quantile(0.5 + 0.5 * confidence, dof) * (variance + unsure + open).sqrt());
+    Difference { value: found.mean - measured.mean, half }
+}
+
+/// Error of a mean. Where the measured mean does not stand out of the scatter, as for a left-minus-right difference, a percentage
+/// of it means nothing and is left out.
 fn mean_error(found: &Found, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> ErrorPercent {
     if measured.mean.abs() < measured.sd {
         return ErrorPercent::default();
     }
-    let Found { summary: found, open } = found;
-    let (n, m) = (found.n as f64, f64::from(measured.n));
-    let (simulated, real) = (found.sd * found.sd / n, measured.sd * measured.sd / m);
-    let variance = simulated + real;
-    let dof = variance * variance / (simulated * simulated / (n - 1.0) + real * real / (m - 1.0));
-    let half = open.map(|open| student_t_quantile(0.5 + 0.5 * confidence, dof) * (variance + unsure + open).sqrt());
+    let Difference { value, half } = mean_difference(found, (measured, unsure), confidence);
     let percent = |difference: f64| finite(100.0 * difference / measured.mean.abs());
-    let difference = found.mean - measured.mean;
-    let limit = |sign: f64| half.and_then(|half| percent(difference + sign * half));
-    ErrorPercent { value: percent(difference), lower: limit(-1.0), upper: limit(1.0) }
+    let limit = |sign: f64| half.and_then(|half| percent(value + sign * half));
+    ErrorPercent { value: percent(value), lower: limit(-1.0), upper: limit(1.0) }
 }
 
 /// Variance of ln s of n values, with the tails of an observable that the fit sees; any other is taken to be normal.

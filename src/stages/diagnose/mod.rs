@@ -7,7 +7,7 @@
 //! ([`crate::stats::attribution`]), less the model's own offset where the data have `controls`. An effect that is accepted is
 //! switched on, its strength calibrated together with the parameters, with runs along what the data leave open (`along`), and
 //! both models are simulated anew (`before_after`), the held-out experiment also where the parameters may be besides
-//! (`leeway`). The held-out experiment enters nothing of this but the last comparison.
+//! (`leeway`), and that has a say (`held_out`). The held-out experiment enters nothing of this but the last comparison.
 
 mod along;
 mod anchors;
@@ -17,6 +17,7 @@ mod controls;
 mod direct;
 mod evidence;
 mod fit;
+mod held_out;
 mod joint;
 mod lab;
 mod leeway;
@@ -35,8 +36,8 @@ use super::{Context, Demand, Outputs, SettingsText, Stage, StageError, never};
 use crate::config::{Config, Measured};
 use crate::tables::Row;
 use crate::tables::list::{
-    AggregateRow, AttributionRow, BeforeAfterRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HyperparameterRow,
-    PointRow, RecalibrationRow, ResidualRow, SampleRow, SignatureRow, VerdictRow,
+    AggregateRow, AttributionRow, BeforeAfterRow, ConfusionRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HeldOutRow,
+    HyperparameterRow, PointRow, PriorWidthRow, RecalibrationRow, ResidualRow, SampleRow, SignatureRow, VerdictRow,
 };
 use anchors::Anchors;
 use controls::{Control, Offset};
@@ -47,7 +48,7 @@ use verdict::{Prepared, prepare};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 34,
+    version: 35,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
@@ -59,8 +60,10 @@ pub const STAGE: Stage = Stage {
         AttributionRow::SPEC,
         ConfusionRow::SPEC,
         VerdictRow::SPEC,
+        PriorWidthRow::SPEC,
         RecalibrationRow::SPEC,
         BeforeAfterRow::SPEC,
+        HeldOutRow::SPEC,
     ],
     files: &[],
     measured: true,
@@ -104,8 +107,10 @@ struct Tables {
     attribution: Vec<AttributionRow>,
     confusion: Vec<ConfusionRow>,
     verdicts: Vec<VerdictRow>,
+    prior_widths: Vec<PriorWidthRow>,
     recalibration: Vec<RecalibrationRow>,
     before_after: Vec<BeforeAfterRow>,
+    held_out: Vec<HeldOutRow>,
 }
 
 fn run(context: &Context) -> Result<Outputs, StageError> {
@@ -139,8 +144,10 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
     outputs.table(tables.attribution)?;
     outputs.table(tables.confusion)?;
     outputs.table(tables.verdicts)?;
+    outputs.table(tables.prior_widths)?;
     outputs.table(tables.recalibration)?;
     outputs.table(tables.before_after)?;
+    outputs.table(tables.held_out)?;
     Ok(outputs)
 }
 

@@ -8,7 +8,7 @@ use super::verdict::Case;
 use crate::stats::attribution::{
     Attribution, Candidate, DetectionLimit, EffectReport, Presence, Separation, Signature, Status, Verdict,
 };
-use crate::tables::list::{AttributionRow, ConfusionRow, ResidualRow, SignatureRow, VerdictRow};
+use crate::tables::list::{AttributionRow, ConfusionRow, PriorWidthRow, ResidualRow, SignatureRow, VerdictRow};
 
 /// Size aη at which an effect is usually detected.
 const DETECTABLE: f64 = 5.0;
@@ -52,6 +52,7 @@ pub fn write(
     tables.attribution.extend(attribution.effects.iter().map(|effect| attribution_row(case, attribution, effect)));
     tables.confusion.extend(confusion(case, attribution));
     tables.verdicts.push(verdict(case, attribution));
+    tables.prior_widths.extend(prior_widths(case, attribution));
 }
 
 /// The rows of a case that a score needs.
@@ -225,6 +226,26 @@ fn verdict(case: &Case, attribution: &Attribution) -> VerdictRow {
     }
 }
 
+fn prior_widths(case: &Case, attribution: &Attribution) -> impl Iterator<Item = PriorWidthRow> {
+    attribution.sensitivity.iter().map(|other| PriorWidthRow {
+        measured: case.set.name.clone(),
+        strength_factor: other.strength_scale,
+        other_factor: other.other_scale,
+        verdict: other.verdict.code().to_owned(),
+        effects: other.verdict.names().join(","),
+    })
+}
+
+/// How many other widths of the priors would change the verdict.
+fn hangs_on_priors(attribution: &Attribution) -> Option<String> {
+    let of = |verdict: &Verdict| (verdict.code(), verdict.names().join(","));
+    let own = of(&attribution.verdict);
+    let differ = attribution.sensitivity.iter().filter(|other| of(&other.verdict) != own).count();
+    let all = attribution.sensitivity.len();
+    (differ > 0)
+        .then(|| format!("{differ} of {all} other widths of the priors give another verdict (table prior_widths)"))
+}
+
 /// The rows with the largest standardised residual, such as `pile_t50 +4.1, ledge_mass -2.7`.
 fn direction(attribution: &Attribution) -> String {
     let mut rows: Vec<_> = attribution.residual.iter().filter(|row| row.standardised.is_finite()).collect();
@@ -268,6 +289,6 @@ fn advice(case: &Case, attribution: &Attribution) -> String {
         _ => String::new(),
     };
     let offset = case.evidence.offset.as_ref().map(Offset::sentence);
-    let notes = attribution.notes.iter().cloned().chain(offset);
+    let notes = attribution.notes.iter().cloned().chain(offset).chain(hangs_on_priors(attribution));
     std::iter::once(next).chain(notes).filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ")
 }
