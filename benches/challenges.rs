@@ -44,7 +44,7 @@ const REFERENCE: u32 = 50;
 /// no noise between sets: it must be small beside theirs, and several panels must be averaged.
 const REFINE: u32 = 5;
 /// Draws behind the detection limit of a cell.
-const LIMIT_DRAWS: usize = 300;
+const LIMIT_DRAWS: usize = 1000;
 /// Scatter of a weighing of the grains [kg/m³], and their number.
 const WEIGHINGS: (f64, u32) = (30.0, 10);
 

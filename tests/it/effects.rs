@@ -234,8 +234,8 @@ fn a_study_declares_a_shift_a_scatter_or_a_drift_of_any_setting() {
     assert!(error.contains("cohesion_dry_walls, drop"), "{error}");
 }
 
-/// Two grains that meet off centre in empty space keep their momentum with every effect on but drag, whose partner is
-/// the air.
+/// Two grains, each with friction of its own, that meet off centre in empty space keep their momentum with every effect on but
+/// drag, whose partner is the air.
 #[test]
 fn pair_forces_cancel_with_every_effect() {
     for effect in EFFECTS.iter().filter(|effect| effect.name() != "air_drag") {
@@ -244,7 +244,8 @@ fn pair_forces_cancel_with_every_effect() {
         let domain = Region { lower: [-1.0; 3], upper: [1.0; 3] };
         let setup = Setup { walls: Vec::new(), events: Vec::new(), gravity: [0.0; 3], domain, ..setup };
         let grain = |radius, position, velocity| Grain { velocity, ..Grain::new(radius, position) };
-        let pair = [grain(5e-3, [0.0; 3], [0.3, 0.0, 0.1]), grain(6e-3, [0.0109, 0.002, 0.001], [-0.2, 0.1, 0.0])];
+        let mut pair = [grain(5e-3, [0.0; 3], [0.3, 0.0, 0.1]), grain(6e-3, [0.0109, 0.002, 0.001], [-0.2, 0.1, 0.0])];
+        (pair[0].sliding_factor, pair[1].rolling_factor) = (0.6, 1.4);
         let mut world = World::new(&setup, &pair).unwrap();
         let before = momentum(&world.state());
         (0..2000).for_each(|_| world.step().unwrap());

@@ -1,6 +1,7 @@
 //! Before and after: the calibrated model without and with the effect, both simulated anew, against every measurement. Intervals of
 //! held-out means hold what the parameters leave open ([`super::leeway`]); fitted means the data themselves hold in place. Those of
-//! fitted scatters hold the tails of their observables.
+//! fitted scatters hold the tails of their observables. The runs before are those by which the fit was corrected at its optimum, so that
+//! errors before are too small if anything; those after are made at a place of their own.
 
 use super::Tables;
 use super::direct;
