@@ -440,36 +440,120 @@ impl Book {
 
     /// The tables of docs/challenges.md: of every cell what the newest diagnosis found that has judged it.
     fn print(&self) {
-        let lines: Vec<Vec<&str>> = self.lines.iter().map(|line| line.split(',').collect()).collect();
-        let cells = newest(&lines);
+        let cells = newest(self.lines.iter().filter_map(|line| Line::parse(line)));
         confusion(&cells).iter().for_each(|(n, matrix)| print_confusion(n, matrix));
         ["all", "kpis"].iter().for_each(|evidence| print_answers(evidence, &cells));
         print_limits(&cells);
     }
 }
 
-/// Columns of a line: form, theta, truth, n, evidence, left out, panel, pool, sets, right, sizes of the classes, named,
-/// decidable, right of these, D² > 10, named alone of these, median of D², answers, limits, d, cosines.
-const COLUMNS: usize = 21;
+/// Theta, truth, n, evidence, left out.
+type CellName<'a> = [&'a str; 5];
 
-/// Version of the diagnosis that wrote a line with this form of the engine.
-fn version_of(line: &[&str]) -> Option<u32> {
-    let engine = format!("physics {} diagnose ", granulake::dem::PHYSICS_VERSION);
-    line.first().filter(|_| line.len() == COLUMNS)?.strip_prefix(&engine)?.parse().ok()
+/// A line of the results: one panel of a cell.
+struct Line<'a> {
+    cell: CellName<'a>,
+    /// Version of the diagnosis.
+    version: u32,
+    sets: u32,
+    right: u32,
+    classes: u32,
+    named: u32,
+    decidable: u32,
+    decided: u32,
+    apart: u32,
+    alone: u32,
+    separation: &'a str,
+    answers: &'a str,
+    limits: &'a str,
+    dof: &'a str,
+    cosines: &'a str,
 }
 
-/// Panels of every cell (theta, truth, n, evidence, left out) by the newest diagnosis that has judged it, with its version.
-type Cells<'a> = BTreeMap<&'a [&'a str], (u32, Vec<&'a [&'a str]>)>;
+impl<'a> Line<'a> {
+    /// `None` where the line is of another form of the engine or has other columns.
+    fn parse(text: &'a str) -> Option<Self> {
+        let words: Vec<&str> = text.split(',').collect();
+        let &[
+            form,
+            theta,
+            truth,
+            n,
+            evidence,
+            without,
+            _panel,
+            _pool,
+            sets,
+            right,
+            classes,
+            named,
+            decidable,
+            decided,
+            apart,
+            alone,
+            separation,
+            answers,
+            limits,
+            dof,
+            cosines,
+        ] = words.as_slice()
+        else {
+            return None;
+        };
+        let engine = format!("physics {} diagnose ", granulake::dem::PHYSICS_VERSION);
+        let [sets, right, classes, named, decidable, decided, apart, alone] =
+            [sets, right, classes, named, decidable, decided, apart, alone].map(|count| count.parse().unwrap_or(0));
+        Some(Self {
+            cell: [theta, truth, n, evidence, without],
+            version: form.strip_prefix(&engine)?.parse().ok()?,
+            sets,
+            right,
+            classes,
+            named,
+            decidable,
+            decided,
+            apart,
+            alone,
+            separation,
+            answers,
+            limits,
+            dof,
+            cosines,
+        })
+    }
 
-fn newest<'a>(lines: &'a [Vec<&'a str>]) -> Cells<'a> {
+    /// Answers and their number.
+    fn answers(&self) -> impl Iterator<Item = (&'a str, usize)> {
+        let texts = self.answers.split("; ").filter_map(|text| text.rsplit_once(": "));
+        texts.map(|(answer, count)| (answer, count.parse().unwrap_or(0)))
+    }
+
+    /// Of every effect its name, a, visible, η₉₀, part.
+    fn limits(&self) -> impl Iterator<Item = Vec<&'a str>> {
+        let effects = self.limits.split("; ").filter(|effect| !effect.is_empty());
+        effects.map(|effect| effect.split(' ').map(|word| word.rsplit('=').next().unwrap_or(word)).collect())
+    }
+
+    /// The cosine of two effects.
+    fn cosine(&self, effect: &str, other: &str) -> &'a str {
+        let pair = format!("{effect} {other}=");
+        self.cosines.split("; ").find_map(|text| text.strip_prefix(&pair)).unwrap_or("–")
+    }
+}
+
+/// Panels of every cell by the newest diagnosis that has judged it.
+type Cells<'a> = BTreeMap<CellName<'a>, Vec<Line<'a>>>;
+
+fn newest<'a>(lines: impl Iterator<Item = Line<'a>>) -> Cells<'a> {
     let mut cells = Cells::new();
-    for (line, version) in lines.iter().filter_map(|line| Some((line, version_of(line)?))) {
-        let (newest, panels) = cells.entry(&line[1..6]).or_default();
-        if version > *newest {
-            (*newest, *panels) = (version, Vec::new());
+    for line in lines {
+        let panels = cells.entry(line.cell).or_default();
+        let newest = panels.first().map_or(0, |panel| panel.version);
+        if line.version > newest {
+            panels.clear();
         }
-        if version == *newest {
-            panels.push(&line[6..]);
+        if line.version >= newest {
+            panels.push(line);
         }
     }
     cells
@@ -478,12 +562,13 @@ fn newest<'a>(lines: &'a [Vec<&'a str>]) -> Cells<'a> {
 /// What was answered to what was hidden, all observables and both places together: one matrix for every n.
 fn confusion(cells: &Cells) -> BTreeMap<String, ConfusionMatrix> {
     let mut matrices: BTreeMap<String, ConfusionMatrix> = BTreeMap::new();
-    for (&cell, (_, panels)) in cells {
-        let &[_, truth, n, "all", without] = cell else { continue };
+    for (cell, panels) in cells {
+        let [_, truth, n, "all", without] = *cell else { continue };
         let hidden = truth.replace(['_', '='], " ") + if without == "-" { "" } else { ", left out" };
         let effect = truth.split('=').next().unwrap_or(truth);
         let matrix = matrices.entry(n.to_owned()).or_default();
-        answers(panels).iter().for_each(|(answer, count)| matrix.add(&hidden, effect, answer, *count));
+        let answers = panels.iter().flat_map(Line::answers);
+        answers.for_each(|(answer, count)| matrix.add(&hidden, effect, answer, count));
     }
     matrices
 }
@@ -508,68 +593,52 @@ fn print_answers(evidence: &str, cells: &Cells) {
         "\n| theta | truth | n | evidence | left out | diagnose | right | 95 % interval | by panel | mean class | \
          right of decidable | alone of D² > 10 | median D² | answers |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
-    for (cell, (version, panels)) in cells.iter().filter(|(cell, _)| cell[3] == evidence) {
-        println!("| {} | {version} | {} |", cell.join(" | "), sum_up(panels).join(" | "));
+    for (cell, panels) in cells.iter().filter(|(cell, _)| cell[3] == evidence) {
+        println!("| {} | {} | {} |", cell.join(" | "), panels[0].version, sum_up(panels).join(" | "));
     }
 }
 
 /// What every effect shows in the first set of the first panel at n = [`SHOWN`], all observables, the whole library, and its
 /// cosines with the others.
 fn print_limits(cells: &Cells) {
-    let shown = cells.iter().filter(|(cell, _)| matches!(cell, [_, _, SHOWN, "all", "-"]));
-    let shown: Vec<_> = shown.map(|(cell, (version, panels))| (cell, version, panels[0])).collect();
-    let effects: BTreeSet<&str> = shown.iter().flat_map(|(.., line)| limits(line)).map(|words| words[0]).collect();
+    let shown = cells.values().filter_map(|panels| panels.first());
+    let shown: Vec<&Line> = shown.filter(|line| matches!(line.cell, [_, _, SHOWN, "all", "-"])).collect();
+    let effects: BTreeSet<&str> = shown.iter().flat_map(|line| line.limits()).map(|words| words[0]).collect();
     let heads: String = effects.iter().map(|effect| format!(" c with {effect} |")).collect();
     println!("\n| theta | truth | diagnose | d | effect | a | visible | η₉₀ | part |{heads}");
     println!("|{}", "---|".repeat(9 + effects.len()));
-    for (cell, version, line) in shown {
-        for words in limits(line) {
-            let c = effects.iter().map(|other| cosine(line, words[0], other)).collect::<Vec<_>>().join(" | ");
-            println!("| {} | {} | {version} | {} | {} | {c} |", cell[0], cell[1], line[13], words.join(" | "));
+    for line in shown {
+        let (head, version, dof) = (line.cell[..2].join(" | "), line.version, line.dof);
+        for words in line.limits() {
+            let c = effects.iter().map(|other| line.cosine(words[0], other)).collect::<Vec<_>>().join(" | ");
+            println!("| {head} | {version} | {dof} | {} | {c} |", words.join(" | "));
         }
     }
-}
-
-/// The limits of a line: effect, a, visible, η₉₀, part.
-fn limits<'a>(line: &[&'a str]) -> Vec<Vec<&'a str>> {
-    let effects = line[12].split("; ").filter(|effect| !effect.is_empty());
-    effects.map(|effect| effect.split(' ').map(|word| word.rsplit('=').next().unwrap_or(word)).collect()).collect()
-}
-
-/// The cosine of two effects in a line.
-fn cosine<'a>(line: &[&'a str], effect: &str, other: &str) -> &'a str {
-    let pair = format!("{effect} {other}=");
-    line[14].split("; ").find_map(|text| text.strip_prefix(&pair)).unwrap_or("–")
 }
 
 /// Repetitions of the measurements at which the table of limits stands.
 const SHOWN: &str = "20";
 
-/// Answers of the panels and their number, as they stand in their lines.
-fn answers<'a>(panels: &[&[&'a str]]) -> Vec<(&'a str, usize)> {
-    let texts = panels.iter().flat_map(|line| line[11].split("; ")).filter_map(|text| text.rsplit_once(": "));
-    texts.map(|(answer, count)| (answer, count.parse().unwrap_or(0))).collect()
-}
-
-/// The rest of a line of the matrix from the lines of its panels (from the number of the panel on).
-fn sum_up(panels: &[&[&str]]) -> [String; 8] {
-    let sum = |column: usize| panels.iter().filter_map(|line| line[column].parse::<u32>().ok()).sum::<u32>();
-    let (sets, right, classes, named) = (sum(2), sum(3), sum(4), sum(5));
+/// The rest of a line of the matrix from the lines of its panels.
+fn sum_up(panels: &[Line]) -> [String; 8] {
+    let sum = |count: fn(&Line) -> u32| panels.iter().map(count).sum::<u32>();
+    let (sets, right, classes, named) = (sum(|l| l.sets), sum(|l| l.right), sum(|l| l.classes), sum(|l| l.named));
     let interval = clopper_pearson(right as usize, sets as usize, 0.95);
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    for (answer, count) in answers(panels) {
+    for (answer, count) in panels.iter().flat_map(Line::answers) {
         *counts.entry(answer).or_default() += count;
     }
     let answers: Vec<String> = counts.iter().map(|(answer, count)| format!("{answer}: {count}")).collect();
     let share = |hits: u32, of: u32| if of > 0 { format!("{hits} of {of}") } else { "-".to_owned() };
+    let medians: Vec<&str> = panels.iter().map(|line| line.separation).filter(|median| !median.is_empty()).collect();
     [
         format!("{right} of {sets}"),
         format!("{:.3} to {:.3}", interval.lower, interval.upper),
-        panels.iter().map(|line| line[3]).collect::<Vec<_>>().join(" + "),
+        panels.iter().map(|line| line.right.to_string()).collect::<Vec<_>>().join(" + "),
         if named > 0 { format!("{:.2}", f64::from(classes) / f64::from(named)) } else { "-".to_owned() },
-        share(sum(7), sum(6)),
-        share(sum(9), sum(8)),
-        panels.iter().map(|line| line[10]).filter(|median| !median.is_empty()).collect::<Vec<_>>().join(" + "),
+        share(sum(|l| l.decided), sum(|l| l.decidable)),
+        share(sum(|l| l.alone), sum(|l| l.apart)),
+        if medians.is_empty() { "-".to_owned() } else { medians.join(" + ") },
         answers.join("; "),
     ]
 }
