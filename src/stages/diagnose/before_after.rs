@@ -16,7 +16,7 @@ use crate::config::MeasuredSummary;
 use crate::stages::StageError;
 use crate::stages::optima::finite;
 use crate::stats::special::{normal_quantile, student_t_quantile, trigamma};
-use crate::stats::summary::{Summary, ln_sd, summarise};
+use crate::stats::summary::{Summary, ln_sd, summarise, welch};
 use crate::tables::list::{BeforeAfterRow, RecalibrationRow};
 use nalgebra::DVector;
 
@@ -191,14 +191,6 @@ pub struct Difference {
     pub value: f64,
     /// Half the width of its interval.
     pub half: Option<f64>,
-}
-
-/// Variance of a sum or difference of means of (standard deviation, count), with its degrees of freedom after Welch and
-/// Satterthwaite.
-pub fn welch(means: &[(f64, f64)]) -> (f64, f64) {
-    let variances = means.iter().map(|(sd, n)| (sd * sd / n, n - 1.0));
-    let (sum, squares) = variances.fold((0.0, 0.0), |(sum, squares), (v, dof)| (sum + v, squares + v * v / dof));
-    (sum, sum * sum / squares)
 }
 
 /// The simulated mean less the measured one with Welch's interval, widened by the variance of the offset and by what the

@@ -4,13 +4,14 @@
 //! zero, the model without the effect is kept. Where the effect moves no mean by more than runs and measurements scatter, the
 //! held-out data cannot judge it; agreement would say nothing then.
 
-use super::before_after::{Difference, Found, Runs, mean_difference, target, welch};
+use super::before_after::{Difference, Found, Runs, mean_difference, target};
 use super::evidence::statistic;
 use super::moments::Moment;
 use super::verdict::Case;
 use crate::config::MeasuredSummary;
 use crate::stages::optima::finite;
 use crate::stats::special::student_t_quantile;
+use crate::stats::summary::welch;
 use crate::tables::list::HeldOutRow;
 
 const BETTER: &str = "better";
