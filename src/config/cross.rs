@@ -10,7 +10,7 @@ use super::read::Reading;
 use super::types::DensityBounds;
 use super::values::Value;
 use crate::effects::{self, Effect, EffectError};
-use crate::experiments::{self, EXPERIMENTS};
+use crate::experiments::{self, EXPERIMENTS, Experiment};
 use crate::settings;
 use crate::units::canonical;
 
@@ -27,6 +27,7 @@ pub fn check(reading: &mut Reading, file: &str) {
     cross.experiments();
     cross.measured();
     cross.priors();
+    cross.uncertain();
     cross.counts();
     cross.declared();
     cross.diagnosis();
@@ -195,6 +196,39 @@ impl Cross<'_> {
                 self.problem(&at("sd"), "is not above 0; give the scatter of one measurement".to_owned());
             }
         }
+    }
+
+    /// Uncertain settings are read by a fitted test, calibrated by none, and describe an apparatus at either end of their
+    /// standard deviation.
+    fn uncertain(&mut self) {
+        for id in self.reading.lists.get("uncertain").cloned().unwrap_or_default() {
+            let at = |key: &str| format!("uncertain.{id}.{key}");
+            let set = self.reading.values.text(&at("measured")).to_owned();
+            self.known_set(&at("measured"), &set);
+            let (name, sd) =
+                (self.reading.values.text(&at("setting")).to_owned(), self.reading.values.number(&at("sd")));
+            let fitted = self.reading.fitted();
+            let Ok(spec) = settings::spec(&name) else { continue };
+            if self.reading.parameters.contains(&name) {
+                let what = format!("`{name}` is calibrated; say what is known of it in a [[prior]]");
+                self.problem(&at("setting"), what);
+            } else if !fitted.iter().any(|experiment| self.reading.settings.is_read(spec, experiment.name())) {
+                let what = format!("no fitted experiment reads `{name}`, so that no data depend on it; remove it");
+                self.problem(&at("setting"), what);
+            } else if sd <= 0.0 {
+                self.problem(&at("sd"), "is not above 0; give what the setting may be off by, or remove it".to_owned());
+            } else if let Some(error) = [-sd, sd].into_iter().find_map(|off| self.impossible(&name, off, &fitted)) {
+                self.problem(&at("sd"), format!("one standard deviation off, {error}; give a smaller one"));
+            }
+        }
+    }
+
+    /// Why a setting cannot be off by so much.
+    fn impossible(&self, name: &str, off: f64, fitted: &[&dyn Experiment]) -> Option<String> {
+        let mut settings = self.reading.settings.clone();
+        let moved = settings.get(name).and_then(|value| settings.set(name, value + off));
+        let refused = || fitted.iter().find_map(|experiment| experiment.setup(&settings).err());
+        moved.err().map(|error| error.to_string()).or_else(|| refused().map(|error| error.to_string()))
     }
 
     fn known_set(&mut self, path: &str, name: &str) {

@@ -24,7 +24,7 @@ pub enum Kind {
     Count(u64, u64),
     /// A number, or a text with a unit, within inclusive bounds.
     Number(&'static str, f64, f64),
-    /// A number in the unit of the parameter that the section names.
+    /// A number in the unit of the parameter or setting that the section names.
     Quantity,
     /// One of the words.
     Choice(&'static [&'static str]),
@@ -132,6 +132,11 @@ pub const SECTIONS: &[Section] = &[
         path: "prior",
         shape: Shape::List(&["measured", "parameter"], PRIOR),
         meaning: "parameters that were measured by themselves",
+    },
+    Section {
+        path: "uncertain",
+        shape: Shape::List(&["measured", "setting"], UNCERTAIN),
+        meaning: "settings of the model, such as dimensions of an apparatus, that are known only to a standard deviation",
     },
     Section { path: "statistics", shape: Shape::Table(STATISTICS), meaning: "intervals" },
     Section { path: "analysis", shape: Shape::Table(ANALYSIS), meaning: "what is asked of the measured data" },
@@ -276,6 +281,16 @@ const PRIOR: &[Key] = &[
         "n",
         Kind::Count(2, MANY),
         "number of measurements; the mean is known to sd/sqrt(n), in the diagnosis with the tails of Student's t",
+    ),
+];
+
+const UNCERTAIN: &[Key] = &[
+    required("setting", Kind::Setting, "the setting; its value stands in [setup]"),
+    required("measured", Kind::Measured, "the data set in whose tests it is uncertain, the same in every repetition"),
+    required(
+        "sd",
+        Kind::Quantity,
+        "standard deviation of what it may be off by; the diagnosis counts what that shifts as known no better",
     ),
 ];
 

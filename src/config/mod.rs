@@ -27,10 +27,10 @@ pub use problem::{Place, Problem, Problems};
 pub use types::{
     Accept, Analysis, Approach, Bounds, Calibrate, DensityBounds, Design, Diagnose, Effects, Filling, Kernel,
     MeasuredSource, Metamodel, MetamodelKind, Parameter, Prior, RbmNoise, Resolution, Scale, Statistics, Study,
-    Thresholds, Validate, Verify,
+    Thresholds, Uncertain, Validate, Verify,
 };
 
-use crate::experiments::{EXPERIMENTS, Experiment};
+use crate::experiments::Experiment;
 use crate::settings::{self, Equipment, Scope, SettingSpec, Settings};
 use read::Reading;
 use std::collections::BTreeMap;
@@ -72,6 +72,8 @@ pub struct Config {
     pub measured: Vec<MeasuredSource>,
     /// Parameters that were measured by themselves.
     pub priors: Vec<Prior>,
+    /// Settings of the model that are known only to a standard deviation.
+    pub uncertain: Vec<Uncertain>,
     /// Intervals.
     pub statistics: Statistics,
     /// What is asked of the measured data.
@@ -153,14 +155,14 @@ impl Config {
         config.diagnose.measured = vec![source.name.clone()];
         config.diagnose.left_out = without.map(str::to_owned);
         config.priors.clear();
+        config.uncertain.clear();
         config.measured = vec![source];
         config
     }
 
     /// The experiments whose KPIs are fitted, in the order in which experiments are registered.
     pub fn experiments(&self) -> Vec<&'static dyn Experiment> {
-        let fitted = self.reading.values.words("experiments.fitted");
-        EXPERIMENTS.iter().copied().filter(|experiment| fitted.iter().any(|name| name == experiment.name())).collect()
+        self.reading.fitted()
     }
 
     /// Settings of the model before parameters and effects: the defaults with the overrides of `[setup]`, and equipment.
@@ -293,6 +295,7 @@ impl Config {
             chosen: Vec::new(),
             measured: ids("measured").map(|id| types::measured(values, id)).collect(),
             priors: ids("prior").filter_map(|id| types::prior(values, id)).collect(),
+            uncertain: ids("uncertain").filter_map(|id| types::uncertain(values, id)).collect(),
             statistics: types::statistics(values),
             analysis: types::analysis(values),
             metamodel: types::metamodel(values),

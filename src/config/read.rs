@@ -10,6 +10,7 @@ use super::problem::{Place, Problem};
 use super::types::DensityBounds;
 use super::values::{Value, Values};
 use crate::effects::{Declared, Library, Way};
+use crate::experiments::{EXPERIMENTS, Experiment};
 use crate::settings::{self, SettingSpec, Settings};
 use std::collections::BTreeMap;
 use toml::Spanned;
@@ -43,6 +44,12 @@ impl Reading {
     pub fn line(&self, path: &str) -> Option<usize> {
         let of_density = || path.strip_prefix("parameters.").is_some_and(|rest| rest.starts_with(DENSITY));
         self.values.line(path).or_else(|| self.unbounded.filter(|_| of_density()))
+    }
+
+    /// The experiments whose KPIs are fitted, in the order in which experiments are registered.
+    pub fn fitted(&self) -> Vec<&'static dyn Experiment> {
+        let names = self.values.words("experiments.fitted");
+        EXPERIMENTS.iter().copied().filter(|experiment| names.iter().any(|name| name == experiment.name())).collect()
     }
 
     /// Where the bounds of the particle density come from.
@@ -239,8 +246,8 @@ impl<'d> Reader<'d> {
             );
         }
         self.reading.lists.entry(path).or_default().push(id.clone());
-        let parameter = table.get("parameter").and_then(|item| item.get_ref().as_str());
-        let unit = parameter.and_then(|name| settings::spec(name).ok()).map_or("1", |spec| spec.unit);
+        let named = ["parameter", "setting"].iter().find_map(word);
+        let unit = named.and_then(|name| settings::spec(&name).ok()).map_or("1", |spec| spec.unit);
         self.table(&format!("{path}.{id}"), keys, table, at, unit);
     }
 

@@ -255,6 +255,17 @@ pub struct Prior {
     pub n: u32,
 }
 
+/// A setting of the model that is known only to a standard deviation, the same in every repetition of a data set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Uncertain {
+    /// The data set in whose tests it is uncertain.
+    pub measured: String,
+    /// The setting.
+    pub setting: &'static SettingSpec,
+    /// Standard deviation of what it may be off by, in the setting's unit, positive.
+    pub sd: f64,
+}
+
 /// Intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Statistics {
@@ -473,6 +484,15 @@ pub(super) fn prior(values: &Values, id: &str) -> Option<Prior> {
         mean: values.number(&at("mean")),
         sd: values.number(&at("sd")),
         n: values.count32(&at("n")),
+    })
+}
+
+pub(super) fn uncertain(values: &Values, id: &str) -> Option<Uncertain> {
+    let at = |key: &str| format!("uncertain.{id}.{key}");
+    Some(Uncertain {
+        measured: values.text(&at("measured")).to_owned(),
+        setting: settings::spec(values.text(&at("setting"))).ok()?,
+        sd: values.number(&at("sd")),
     })
 }
 

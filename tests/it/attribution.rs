@@ -4,8 +4,8 @@
 
 use granulake::rng::Stream;
 use granulake::stats::attribution::{
-    Attribution, Candidate, Correlations, Nuisance, Options, Parameter, Presence, Prior, Problem, Proposal, Row,
-    RowKind, Scatter, Signature, Status, TestMethod, Verdict, attribute,
+    Attribution, Candidate, Correlations, Options, Parameter, Presence, Prior, Problem, Proposal, Row, RowKind,
+    Scatter, Signature, Status, TestMethod, Verdict, attribute,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -66,7 +66,6 @@ fn world() -> Problem {
         parameters: ["sliding", "rolling", "density"].map(parameter).to_vec(),
         jacobian,
         jacobian_covariance: Vec::new(),
-        nuisances: Vec::new(),
         candidates,
         proposals: Vec::new(),
         attributable: Ok(()),
@@ -213,26 +212,32 @@ fn count_with_prior(problem: &Problem, strength: f64) -> usize {
     hits
 }
 
+/// A dimension of the apparatus whose standard deviation moves the observables by d: written as ddᵀ into Σ it must give the same
+/// T₀ and the same z as a column of its own with a prior.
 #[test]
-fn a_nuisance_is_a_common_shift_with_a_prior() {
-    let mut problem = world();
-    let plain = observe(&problem, &DVector::zeros(M), 7);
-    assert_eq!(plain.evidence, M - 3);
-    let column = planted(&problem, 3, 1.0);
-    problem.nuisances.push(Nuisance { name: "drop height".into(), column: column.clone(), sd: 4.0 });
-    // The same doubt written into Σ: both ways must give the same T₀ and the same z.
+fn an_uncertain_dimension_is_a_common_shift() {
+    let shift_of_one = planted(&world(), 3, 4.0);
     let mut noisy = world();
-    noisy.covariance += &column * column.transpose() * 16.0;
-    let shift = planted(&problem, 0, 5.0) + &column * 6.0;
-    (problem.residual, noisy.residual) = (shift.clone(), shift);
-    let [with_column, with_noise] =
-        [&problem, &noisy].map(|world| attribute(world, &quick(7)).expect("a valid problem"));
-    assert_eq!(with_column.evidence, with_noise.evidence);
+    noisy.covariance += &shift_of_one * shift_of_one.transpose();
+    let mut wider = world();
+    wider.jacobian = wider.jacobian.clone().insert_column(3, 0.0);
+    wider.jacobian.set_column(3, &(&shift_of_one * 10.0));
+    let prior = Some(Prior { mean: 0.5, sd: 0.1 });
+    wider.parameters.push(Parameter { prior, ..parameter("drop height") });
+    for problem in [&mut noisy, &mut wider] {
+        problem.residual = planted(&world(), 0, 5.0) + &shift_of_one * 1.5;
+    }
+    wider.candidates.iter_mut().flat_map(|candidate| &mut candidate.signatures).for_each(|signature| {
+        signature.shift = signature.shift.clone().push(0.0);
+    });
+    let [with_column, with_noise] = [&wider, &noisy].map(|world| attribute(world, &quick(7)).expect("a valid problem"));
+    assert_eq!((with_column.evidence, with_noise.evidence), (M - 3, M - 3));
     assert!((with_column.t0 - with_noise.t0).abs() < 1e-9 * with_noise.t0);
     for (a, b) in with_column.effects.iter().zip(&with_noise.effects) {
         assert!((a.z - b.z).abs() < 1e-9 * b.z.abs().max(1.0), "{}: {} and {}", a.name, a.z, b.z);
     }
-    assert!(with_column.t0 < attribute(&Problem { nuisances: Vec::new(), ..problem }, &quick(7)).expect("valid").t0);
+    let sure = attribute(&Problem { residual: noisy.residual, ..world() }, &quick(7)).expect("a valid problem");
+    assert!(with_noise.t0 < sure.t0, "{} {}", with_noise.t0, sure.t0);
 }
 
 #[test]
@@ -263,7 +268,6 @@ fn the_measurement_that_separates_a_class_is_proposed() {
     let proposal = |name: &str, responses: [f64; 4]| Proposal {
         name: name.into(),
         jacobian: DMatrix::from_row_slice(1, 3, &[1.0, 2.0, 0.5]),
-        nuisance: DMatrix::zeros(1, 0),
         covariance: DMatrix::identity(1, 1),
         signatures: responses.map(|g| DVector::from_element(1, g)).to_vec(),
     };

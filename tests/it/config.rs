@@ -94,7 +94,7 @@ fn the_shipped_file_shows_every_key_and_every_default_of_the_schema() {
     let study: toml::Table = template::pipeline().parse().unwrap();
     let mut seen = 0;
     for (section, schema) in schema["properties"].as_object().unwrap() {
-        if section == "prior" || section == "equipment" {
+        if ["prior", "uncertain", "equipment"].contains(&section.as_str()) {
             // What the default study does without is shown as a comment.
             let commented = template::pipeline().split_once(&format!("# [[{section}]]\n")).expect(section).1;
             let keys = schema["items"]["properties"].as_object().unwrap();
@@ -233,6 +233,16 @@ fn priors_belong_to_a_data_set() {
     assert!(config.priors_of(&known("other", "damping")).is_empty(), "not calibrated");
     assert_eq!(config.priors_of(&known("lab", config.priors[0].parameter)).len(), 1);
     assert_ne!(config.priors_of(&known("lab", config.priors[0].parameter))[0].mean, 0.3);
+}
+
+#[test]
+fn uncertain_settings_belong_to_a_data_set_and_have_units() {
+    let uncertain = "[[uncertain]]\nmeasured = \"lab\"\nsetting = \"pile.drop_height\"\nsd = \"2 cm\"\n";
+    let config = parse(&format!("{MINIMAL}{uncertain}")).unwrap();
+    let [one] = &config.uncertain[..] else { panic!("{:?}", config.uncertain) };
+    assert_eq!((&*one.measured, one.setting.name, one.sd), ("lab", "pile.drop_height", 0.02));
+    let other = "[[uncertain]]\nmeasured = \"lab\"\nsetting = \"ledge.depth\"\nsd = 0.01\n";
+    assert_eq!(parse(&format!("{MINIMAL}{uncertain}{other}")).unwrap().uncertain.len(), 2);
 }
 
 /// Adds `text` to the smallest study.
@@ -447,6 +457,23 @@ fn mistakes_are_answered_with_line_reason_and_remedy() {
             plus("[[prior]]\nparameter = \"particle_density\"\nmeasured = \"lab\"\nmean = 2313\nsd = 30\nn = 10"),
             "`particle_density` is no parameter of this study",
         ),
+        (
+            plus("[[uncertain]]\nmeasured = \"lab\"\nsetting = \"pile.drop_heigth\"\nsd = 0.1"),
+            "no setting is called `pile.drop_heigth`; the nearest name is `pile.drop_height`",
+        ),
+        (
+            plus("[[uncertain]]\nmeasured = \"lab\"\nsetting = \"sliding_friction\"\nsd = 0.1"),
+            "`uncertain.lab.sliding_friction.setting`: `sliding_friction` is calibrated; say what is known of it in a [[prior]]",
+        ),
+        (
+            plus("[[uncertain]]\nmeasured = \"lab\"\nsetting = \"hopper.slot\"\nsd = 0.01"),
+            "no fitted experiment reads `hopper.slot`",
+        ),
+        (
+            plus("[[uncertain]]\nmeasured = \"lab\"\nsetting = \"pile.drop_height\"\nsd = 0"),
+            "`uncertain.lab.pile.drop_height.sd`: is not above 0",
+        ),
+        (plus("[[uncertain]]\nmeasured = \"lab\"\nsetting = \"ledge.depth\"\nsd = 1"), "one standard deviation off, "),
         (
             plus("[[prior]]\nparameter = \"sliding_friction\"\nmeasured = \"lab\"\nmean = 0.5\nsd = 0\nn = 10"),
             "`prior.lab.sliding_friction.sd`: is not above 0",

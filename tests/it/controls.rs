@@ -42,9 +42,17 @@ fn what_the_model_misses_of_its_controls_is_taken_off() {
         set("bare", "bare", "[]"),
         set("less", "bare", controls),
         set("sized", "sized", controls),
+        set("doubted", "bare", "[]"),
+        set("doubted_sized", "sized", "[]"),
     ];
-    study.edit("pipeline.toml", "[metamodel]", &(sets.concat() + "[metamodel]"));
-    study.edit("pipeline.toml", "[diagnose]", "[diagnose]\nmeasured = [\"first\", \"bare\", \"less\", \"sized\"]");
+    // The cylinder of the data is 7 % lower than the model's.
+    let doubt = |set: &str| {
+        format!("[[uncertain]]\nmeasured = \"{set}\"\nsetting = \"bulk_density.fill_height\"\nsd = \"1.5 cm\"\n\n")
+    };
+    let more = sets.concat() + &doubt("doubted") + &doubt("doubted_sized");
+    study.edit("pipeline.toml", "[metamodel]", &(more + "[metamodel]"));
+    let diagnosed = ["first", "bare", "less", "sized", "doubted", "doubted_sized"].map(|name| format!("\"{name}\""));
+    study.edit("pipeline.toml", "[diagnose]", &format!("[diagnose]\nmeasured = [{}]", diagnosed.join(", ")));
     study.succeed(&["repro", "diagnose"]);
 
     let verdicts: Vec<VerdictRow> = table::read(&study.path("artifacts"), VerdictRow::SPEC).expect("a table");
@@ -56,6 +64,14 @@ fn what_the_model_misses_of_its_controls_is_taken_off() {
     assert_eq!((&*of("sized").verdict, &*of("sized").effects), ("effect", "size_distribution"), "{told:?}");
     assert!(of("less").advice.contains("taken off as seen in first (p = 0.0"), "{}", of("less").advice);
     assert!(!of("bare").advice.contains("taken off"), "{}", of("bare").advice);
+    // A dimension that is known no better explains the same as far as it may be off, and hides nothing else.
+    assert_eq!(of("doubted").verdict, "no_detectable_discrepancy", "{told:?}");
+    assert!(of("doubted").advice.contains("move it by -"), "{}", of("doubted").advice);
+    assert_eq!(
+        (&*of("doubted_sized").verdict, &*of("doubted_sized").effects),
+        ("effect", "size_distribution"),
+        "{told:?}"
+    );
 
     let residuals: Vec<ResidualRow> = table::read(&study.path("artifacts"), ResidualRow::SPEC).expect("a table");
     let error = |name: &str| {

@@ -134,9 +134,14 @@ fn anchor_points(cube: &Points, effect: &dyn Effect) -> Points {
 
 /// The point at `u` in the unit cube, with the effects the model already has.
 pub fn point_at(context: &Context, number: u32, u: &[f64]) -> Result<Point, StageError> {
+    point_with(context, number, u, &[])
+}
+
+/// The same with other values of some settings.
+pub fn point_with(context: &Context, number: u32, u: &[f64], settings: &[(String, f64)]) -> Result<Point, StageError> {
     let parameters = context.config.parameters.iter().zip(u);
-    let values: Vec<_> =
-        parameters.map(|(parameter, x)| (parameter.name.to_owned(), parameter.from_unit(*x))).collect();
+    let own = parameters.map(|(parameter, x)| (parameter.name.to_owned(), parameter.from_unit(*x)));
+    let values: Vec<_> = own.chain(settings.iter().cloned()).collect();
     let point = Point::new(number, context.config.base_settings(), &values)?;
     Ok(point.knowing(&context.config.effects.library).with_effects(&context.config.effects.active))
 }

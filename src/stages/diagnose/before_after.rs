@@ -134,11 +134,13 @@ pub struct Found {
     pub open: Option<f64>,
 }
 
-/// A statistic as it was measured, less the model's own offset, and the variance of the offset.
+/// A statistic as it was measured, less the model's own offset, and the variance of the offset and of doubts.
 pub fn target(case: &Case, summary: &MeasuredSummary, moment: Moment) -> (MeasuredSummary, f64) {
-    let one = |offset: &super::Offset| offset.one(&statistic(summary, moment));
+    let statistic = statistic(summary, moment);
+    let one = |offset: &super::Offset| offset.one(&statistic);
     let (shift, unsure) = case.evidence.offset.as_ref().and_then(one).unwrap_or_default();
-    (without(summary, moment, shift), unsure)
+    let doubt: f64 = case.evidence.doubts.iter().map(|doubt| doubt.shift(&statistic) * doubt.shift(&statistic)).sum();
+    (without(summary, moment, shift), unsure + doubt)
 }
 
 fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, models: [Option<&Runs>; 2]) -> BeforeAfterRow {
@@ -193,8 +195,8 @@ pub struct Difference {
     pub half: Option<f64>,
 }
 
-/// The simulated mean less the measured one with Welch's interval, widened by the variance of the offset and by what the
-/// parameters bring to it.
+/// The simulated mean less the measured one with Welch's interval, widened by the variance of the offset and of doubts and by
+/// what the parameters bring to it.
 pub fn mean_difference(found: &Found, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> Difference {
     let Found { summary: found, open } = found;
     let (variance, dof) = welch(&[(found.sd, found.n as f64), (measured.sd, f64::from(measured.n))]);

@@ -1,6 +1,7 @@
 //! The evidence: which measured statistics are compared, their values, and how well they are known.
 
 use super::controls::Offset;
+use super::doubts::Doubt;
 use super::moments::{Batch, Moment, Shape, Statistic, line};
 use crate::config::{Config, Measured, MeasuredSummary};
 use crate::stats::special::beta_i;
@@ -27,6 +28,8 @@ pub struct Evidence {
     divisors: Vec<f64>,
     /// What was taken off.
     pub offset: Option<Offset>,
+    /// Settings of the apparatus that are not known exactly.
+    pub doubts: Vec<Doubt>,
 }
 
 /// Covariance of measured statistics, and which share of each variance rests on few repetitions.
@@ -79,7 +82,7 @@ impl Evidence {
             let summary = summaries.iter().find(|summary| summary.kpi == statistic.kpi && summary.sd > 0.0)?;
             evidence.add(statistic.clone(), (measured, summary));
         }
-        Some(evidence.less(self.offset.as_ref()))
+        Some(evidence.less(self.offset.as_ref()).doubting(self.doubts.clone()))
     }
 
     /// The same less an offset; statistics for which it is not known are no evidence.
@@ -99,10 +102,16 @@ impl Evidence {
         Self { offset: Some(offset.clone()), ..evidence }
     }
 
+    /// The same, with settings that are not known exactly.
+    #[must_use]
+    pub fn doubting(self, doubts: Vec<Doubt>) -> Self {
+        Self { doubts, ..self }
+    }
+
     fn empty() -> Self {
         let values = DVector::zeros(0);
         let (statistics, counts) = (Vec::new(), Vec::new());
-        Self { statistics, values, counts, sds: Vec::new(), divisors: Vec::new(), offset: None }
+        Self { statistics, values, counts, sds: Vec::new(), divisors: Vec::new(), offset: None, doubts: Vec::new() }
     }
 
     fn add_if_own(&mut self, statistic: Statistic, from: (&Measured, &MeasuredSummary), simulated: &Batch) {
@@ -148,7 +157,7 @@ impl Evidence {
 
     /// Covariance of the measured values. Correlations and tails are those of the simulated repetitions, `shape`.
     /// Variances of the means are pooled with the simulated scatter where both agree (F-test at 1 %), else measured; those
-    /// of ln s follow from the number of repetitions and the tails. That of an offset is added.
+    /// of ln s follow from the number of repetitions and the tails. Those of an offset and of doubts are added.
     pub fn noise(&self, simulated: &Batch, shape: &Shape) -> Option<Noise> {
         let moments = simulated.moments(&self.statistics, shape)?;
         let mut variances = Vec::new();
@@ -172,13 +181,22 @@ impl Evidence {
             measured_share.push(share);
         }
         let mut covariance = shape.covariance(&variances);
-        if let Some((_, unsure)) = self.offset.as_ref().and_then(|offset| offset.restricted(&self.statistics)) {
+        for unsure in self.common() {
             covariance += unsure;
+        }
+        if self.offset.is_some() || !self.doubts.is_empty() {
             for (i, share) in measured_share.iter_mut().enumerate() {
                 *share *= variances[i] / covariance[(i, i)];
             }
         }
         Some(Noise { covariance, measured_share })
+    }
+
+    /// Covariances of what shifts all repetitions alike: of the offset, and of every doubt.
+    fn common(&self) -> impl Iterator<Item = DMatrix<f64>> {
+        let offset = self.offset.as_ref().and_then(|offset| offset.restricted(&self.statistics));
+        let doubts = self.doubts.iter().map(|doubt| doubt.covariance(&self.statistics));
+        offset.map(|(_, unsure)| unsure).into_iter().chain(doubts)
     }
 }
 

@@ -4,7 +4,8 @@
 //! measured data set: all statistics are fitted at once over metamodels (`fit`), and the optimum is simulated directly
 //! (`direct`); metamodels over parameters and strength give the signature of every candidate, and those that may be
 //! named are simulated directly at their own optimum first (`joint`); the residual is attributed
-//! ([`crate::stats::attribution`]), less the model's own offset where the data have `controls`. An effect that is accepted is
+//! ([`crate::stats::attribution`]), less the model's own offset where the data have `controls`, and no surer than what is known
+//! of the apparatus (`doubts`). An effect that is accepted is
 //! switched on, its strength calibrated together with the parameters, with runs along what the data leave open (`along`), and
 //! both models are simulated anew (`before_after`), the held-out experiment also where the parameters may be besides
 //! (`leeway`), and that has a say (`held_out`). The held-out experiment enters nothing of this but the last comparison.
@@ -15,6 +16,7 @@ mod before_after;
 mod closer;
 mod controls;
 mod direct;
+mod doubts;
 mod evidence;
 mod fit;
 mod held_out;
@@ -86,6 +88,7 @@ fn settings(config: &Config) -> SettingsText {
         "experiments",
         "metamodel",
         "prior",
+        "uncertain",
         "statistics",
         "study.resolution",
     ]));

@@ -11,7 +11,7 @@ use crate::experiments::{Experiment, Observable};
 use crate::stages::models::Models;
 use crate::stats::attribution::{Candidate, Proposal};
 use crate::stats::summary::sd;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// All proposals for telling the candidates `members` apart.
 pub fn all(
@@ -43,7 +43,6 @@ fn again(case: &Case, experiment: &dyn Experiment, candidates: &[Candidate]) -> 
     Some(Proposal {
         name: format!("everything in {} another {n} times", experiment.name()),
         jacobian: case.slopes.jacobian.select_rows(&rows),
-        nuisance: DMatrix::zeros(rows.len(), 0),
         covariance: case.noise.covariance.select_rows(&rows).select_columns(&rows),
         signatures: candidates
             .iter()
@@ -96,7 +95,6 @@ impl Wish<'_> {
         Some(Proposal {
             name: format!("{} ({n} repetitions of {})", observable.name, experiment.name()),
             jacobian: plain.predict(&case.optimum).1,
-            nuisance: DMatrix::zeros(statistics.len(), 0),
             covariance: shape.covariance(&variances),
             signatures: self.candidates.iter().map(signature).collect::<Option<_>>()?,
         })

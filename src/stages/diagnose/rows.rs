@@ -289,6 +289,9 @@ fn advice(case: &Case, attribution: &Attribution) -> String {
         _ => String::new(),
     };
     let offset = case.evidence.offset.as_ref().map(Offset::sentence);
-    let notes = attribution.notes.iter().cloned().chain(offset).chain(hangs_on_priors(attribution));
+    let (residual, covariance) = (case.residual(), case.covariance());
+    let doubts = case.evidence.doubts.iter();
+    let doubts = doubts.map(|doubt| doubt.sentence(&case.evidence.statistics, &residual, &covariance));
+    let notes = attribution.notes.iter().cloned().chain(offset).chain(doubts).chain(hangs_on_priors(attribution));
     std::iter::once(next).chain(notes).filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ")
 }

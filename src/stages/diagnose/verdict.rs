@@ -4,17 +4,18 @@ use super::anchors::Anchors;
 use super::before_after;
 use super::closer::{Look, Run, Seen, Stood};
 use super::controls::Offset;
-use super::evidence::{Evidence, Noise};
+use super::doubts::Doubt;
+use super::evidence::{Evidence, Noise, statistic};
 use super::fit::{self, Slopes, Surface, Weights};
 use super::joint::Contender;
 use super::lab::Lab;
-use super::moments::{Batch, Moment, Moments, Shape};
+use super::moments::{Batch, Moment, Moments, Shape, Statistic};
 use super::{Tables, along, proposals, rows};
 use crate::config::{Accept, Measured, MeasuredSource, Resolution};
 use crate::stages::models::Models;
 use crate::stages::{Context, StageError};
 use crate::stats::attribution::{
-    Attribution, Candidate, Correlations, Options, Problem, Proposal, Row, RowKind, Verdict, attribute,
+    Attribution, Candidate, Correlations, GlsFit, Options, Problem, Proposal, Row, RowKind, Verdict, attribute,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -161,11 +162,19 @@ pub fn prepare<'a>(
         return Ok(Err("a metamodel of an observable is missing, see table metamodels".to_owned()));
     };
     let near = [anchors.centre().clone()];
-    let Some((shape, noise)) = evidence.scatter(&near) else { return Ok(Err(UNMEASURED.to_owned())) };
     let parameters = |start: &[f64]| fit::parameters(context.config, set, start);
-    let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
     let starts = fit::starts(context.config.parameters.len());
-    let fit = fit::two_passes(&surface, &evidence, weights, (&noise.covariance, &starts), parameters)?.fit;
+    let first = |evidence: &Evidence| -> Result<Option<(Shape, Noise, GlsFit)>, StageError> {
+        let Some((shape, noise)) = evidence.scatter(&near) else { return Ok(None) };
+        let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
+        let fit = fit::two_passes(&surface, evidence, weights, (&noise.covariance, &starts), parameters)?.fit;
+        Ok(Some((shape, noise, fit)))
+    };
+    let Some((_, _, fit)) = first(&evidence)? else { return Ok(Err(UNMEASURED.to_owned())) };
+    let Some(doubts) = doubts(context, lab, set, (&evidence, &fit))? else { return Ok(Err(UNMEASURED.to_owned())) };
+    let evidence = evidence.doubting(doubts);
+    let Some((shape, noise, fit)) = first(&evidence)? else { return Ok(Err(UNMEASURED.to_owned())) };
+    let weights = Weights { noise: &noise.covariance, correlation: &shape.correlation };
     let look = Look {
         context,
         evidence: &evidence,
@@ -202,6 +211,22 @@ pub fn prepare<'a>(
         left_out: context.config.diagnose.left_out.clone(),
     };
     Ok(Ok((case, surface)))
+}
+
+/// What uncertain settings may shift, of the held-out experiment too; `None` where an observable could not be measured.
+fn doubts(
+    context: &Context,
+    lab: &mut Lab,
+    set: &Measured,
+    (evidence, fit): (&Evidence, &GlsFit),
+) -> Result<Option<Vec<Doubt>>, StageError> {
+    let validate = context.config.validate.experiment.name();
+    let summaries = set.statistics();
+    let held_out = summaries.iter().filter(|summary| summary.experiment == validate);
+    let held_out = held_out.flat_map(|summary| [Moment::Mean, Moment::LnSd].map(|moment| statistic(summary, moment)));
+    let statistics: Vec<Statistic> = evidence.statistics.iter().cloned().chain(held_out).collect();
+    let own = context.config.uncertain.iter().filter(|uncertain| uncertain.measured == set.name);
+    own.map(|uncertain| Doubt::see(context, lab, (uncertain, fit.parameters.as_slice()), &statistics)).collect()
 }
 
 /// Statistics of the plain model: its repetitions are independent, so that its trends are zero and known to be. What is
@@ -299,7 +324,6 @@ pub fn attributed(
         parameters: fit::parameters(case.context.config, case.set, case.optimum.as_slice()),
         jacobian: case.slopes.jacobian.clone(),
         jacobian_covariance: case.slopes.covariance.clone(),
-        nuisances: Vec::new(),
         candidates,
         proposals,
         attributable: case.attributable(),

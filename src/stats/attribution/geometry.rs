@@ -1,7 +1,6 @@
 //! Whitening, and the space that calibration cannot reach.
 //!
-//! Takes a checked [`Problem`]; gives the whitened rows (observables, then priors of parameters, then priors of
-//! nuisances) and, for every choice of bound-held parameters, an orthonormal basis Q of what is orthogonal to the
+//! Takes a checked [`Problem`]; gives the whitened rows (observables, then priors of parameters) and, for every choice of bound-held parameters, an orthonormal basis Q of what is orthogonal to the
 //! remaining columns of J̃. Knows nothing of effects.
 
 use super::{AttributionError, Options, Parameter, Problem, RowKind};
@@ -21,7 +20,7 @@ pub(super) struct Held {
     pub inward: f64,
 }
 
-/// The problem in units of its own noise: M = used observables + priors rows, P = parameters + nuisances columns.
+/// The problem in units of its own noise: M = used observables + priors rows, p parameters.
 #[derive(Debug, Clone)]
 pub(super) struct Whitened {
     /// Indices of the observables in use.
@@ -30,7 +29,7 @@ pub(super) struct Whitened {
     pub factor: DMatrix<f64>,
     /// r̃ (M).
     pub residual: DVector<f64>,
-    /// J̃ (M × P); a parameter's column is per width of its bounds, a nuisance's per its sd.
+    /// J̃ (M × p); a parameter's column is per width of its bounds.
     pub tangent: DMatrix<f64>,
     /// (name, sd) of each appended prior row.
     pub priors: Vec<(String, f64)>,
@@ -47,7 +46,7 @@ impl Whitened {
         let factor =
             sigma.cholesky().ok_or_else(|| AttributionError::NotPositiveDefinite("the covariance".into()))?.l();
         let (priors, rows) = prior_rows(problem);
-        let data = whiten(&factor, &data_columns(problem).select_rows(&kept));
+        let data = whiten(&factor, &per_width(&problem.jacobian, &problem.parameters).select_rows(&kept));
         let tangent = stack(&data, &rows.tangent);
         let residual = whiten_vector(&factor, problem.residual.select_rows(&kept).as_slice());
         let residual = DVector::from_iterator(tangent.nrows(), residual.iter().chain(rows.residual.iter()).copied());
@@ -202,9 +201,8 @@ struct PriorRows {
     tangent: DMatrix<f64>,
 }
 
-/// Rows of the priors: parameters in order, then nuisances.
+/// Rows of the priors, parameters in order.
 fn prior_rows(problem: &Problem) -> (Vec<(String, f64)>, PriorRows) {
-    let columns = problem.parameters.len() + problem.nuisances.len();
     let mut names = Vec::new();
     let mut residual = Vec::new();
     let mut entries = Vec::new();
@@ -215,27 +213,17 @@ fn prior_rows(problem: &Problem) -> (Vec<(String, f64)>, PriorRows) {
             entries.push((column, (parameter.upper - parameter.lower) / prior.sd));
         }
     }
-    for (i, nuisance) in problem.nuisances.iter().enumerate() {
-        names.push((format!("prior of {}", nuisance.name), nuisance.sd));
-        residual.push(0.0);
-        entries.push((problem.parameters.len() + i, 1.0));
-    }
-    let mut tangent = DMatrix::zeros(entries.len(), columns);
+    let mut tangent = DMatrix::zeros(entries.len(), problem.parameters.len());
     for (row, (column, value)) in entries.into_iter().enumerate() {
         tangent[(row, column)] = value;
     }
     (names, PriorRows { residual, tangent })
 }
 
-/// Sensitivities per width of a parameter and per sd of a nuisance (m × P).
-fn data_columns(problem: &Problem) -> DMatrix<f64> {
-    let p = problem.parameters.len();
-    DMatrix::from_fn(problem.rows.len(), p + problem.nuisances.len(), |i, j| {
-        if j < p {
-            problem.jacobian[(i, j)] * (problem.parameters[j].upper - problem.parameters[j].lower)
-        } else {
-            problem.nuisances[j - p].column[i] * problem.nuisances[j - p].sd
-        }
+/// Sensitivities per width of a parameter (m × p).
+pub(super) fn per_width(jacobian: &DMatrix<f64>, parameters: &[Parameter]) -> DMatrix<f64> {
+    DMatrix::from_fn(jacobian.nrows(), parameters.len(), |i, j| {
+        jacobian[(i, j)] * (parameters[j].upper - parameters[j].lower)
     })
 }
 

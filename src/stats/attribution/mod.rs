@@ -4,7 +4,7 @@
 //! parameters, and one signature (change of every observable per unit of strength) for each candidate effect. Gives the
 //! tests, the estimates, the power and one [`Verdict`]. The method is a projected score test:
 //!
-//! 1. Everything is whitened with Σ = LLᵀ; priors of parameters and nuisances are appended as rows (`geometry`).
+//! 1. Everything is whitened with Σ = LLᵀ; priors of parameters are appended as rows (`geometry`).
 //! 2. What calibration can absorb is projected away; d = rows − rank is the evidence that is left.
 //! 3. Each candidate is fitted by its strength within its physical range (`effect`), with η̂²Σ_g and the error of the
 //!    sensitivities added to the noise and the signature taken at η̂ itself.
@@ -111,17 +111,6 @@ pub struct Parameter {
     pub prior: Option<Prior>,
 }
 
-/// An uncertain dimension of the set-up that shifts all observables together.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Nuisance {
-    /// Name, for the report.
-    pub name: String,
-    /// Change of each observable per unit of the dimension (m).
-    pub column: DVector<f64>,
-    /// Prior standard deviation of the dimension around its nominal value.
-    pub sd: f64,
-}
-
 /// A signature at one strength: the secant [f(θ̂, η) − f(θ̂, 0)]/η, per unit of strength (m).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signature {
@@ -194,8 +183,6 @@ pub struct Proposal {
     pub name: String,
     /// Sensitivity of its q observables to the parameters (q × p).
     pub jacobian: DMatrix<f64>,
-    /// Sensitivity to the nuisances (q × nuisances).
-    pub nuisance: DMatrix<f64>,
     /// Covariance of its observables (q × q).
     pub covariance: DMatrix<f64>,
     /// Signature of each candidate in its observables, in the order of the candidates (q each).
@@ -207,9 +194,10 @@ pub struct Proposal {
 pub struct Problem {
     /// The observables (m).
     pub rows: Vec<Row>,
-    /// y − f(θ̂) (m), nuisances at their nominal values.
+    /// y − f(θ̂) (m).
     pub residual: DVector<f64>,
-    /// Σ: measurement/n + simulation/n + metamodel (m × m).
+    /// Σ: measurement/n + simulation/n + metamodel, and ddᵀ for every uncertain dimension whose standard deviation moves the
+    /// observables by d (m × m): the same as a column d for it with a prior of mean 0 and variance 1.
     pub covariance: DMatrix<f64>,
     /// The calibrated parameters with θ̂ (p).
     pub parameters: Vec<Parameter>,
@@ -217,8 +205,6 @@ pub struct Problem {
     pub jacobian: DMatrix<f64>,
     /// Covariance of the error of each column of J (p matrices m × m; columns taken as independent), empty if exact.
     pub jacobian_covariance: Vec<DMatrix<f64>>,
-    /// Uncertain dimensions.
-    pub nuisances: Vec<Nuisance>,
     /// Candidate effects, at most 64.
     pub candidates: Vec<Candidate>,
     /// Measurements that could be added.
@@ -315,7 +301,7 @@ pub enum AttributionError {
         /// What is wrong.
         why: String,
     },
-    /// A prior or nuisance has no positive standard deviation, or bounds are reversed.
+    /// A prior has no positive standard deviation, or bounds are reversed.
     #[error("{0} needs a positive standard deviation and ordered bounds")]
     Width(String),
     /// More candidates than the outcome can hold.
@@ -339,11 +325,6 @@ impl Problem {
             check("a sensitivity covariance", covariance.shape(), (m, m), covariance.iter())?;
         }
         self.parameters.iter().try_for_each(Parameter::validate)?;
-        for nuisance in &self.nuisances {
-            let what = format!("the column of nuisance `{}`", nuisance.name);
-            check(&what, nuisance.column.shape(), (m, 1), nuisance.column.iter())?;
-            positive(&format!("nuisance `{}`", nuisance.name), nuisance.sd)?;
-        }
         if self.candidates.len() > 64 {
             return Err(AttributionError::TooManyCandidates(self.candidates.len()));
         }
@@ -356,7 +337,6 @@ impl Problem {
         let what = |part: &str| format!("the {part} of proposal `{name}`");
         check(&what("covariance"), proposal.covariance.shape(), (q, q), proposal.covariance.iter())?;
         check(&what("sensitivity"), proposal.jacobian.shape(), (q, self.parameters.len()), proposal.jacobian.iter())?;
-        check(&what("nuisance"), proposal.nuisance.shape(), (q, self.nuisances.len()), proposal.nuisance.iter())?;
         let signatures = (proposal.signatures.len(), 1);
         check(&what("list of signatures"), signatures, (self.candidates.len(), 1), [].iter())?;
         let one = |g: &DVector<f64>| check(&what("signature"), g.shape(), (q, 1), g.iter());

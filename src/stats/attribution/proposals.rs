@@ -4,7 +4,7 @@
 //! appended first, which is the only way its value shows. Decides nothing.
 
 use super::effect::dot;
-use super::geometry::{Whitened, complement_of, whiten, whiten_vector};
+use super::geometry::{Whitened, complement_of, per_width, whiten, whiten_vector};
 use super::judge::Rule;
 use super::{Problem, Proposal};
 use nalgebra::{DMatrix, DVector};
@@ -56,15 +56,7 @@ fn appended_tangent(
     proposal: &Proposal,
     factor: &DMatrix<f64>,
 ) -> DMatrix<f64> {
-    let p = problem.parameters.len();
-    let scaled = DMatrix::from_fn(factor.nrows(), whitened.tangent.ncols(), |i, j| {
-        if j < p {
-            proposal.jacobian[(i, j)] * (problem.parameters[j].upper - problem.parameters[j].lower)
-        } else {
-            proposal.nuisance[(i, j - p)] * problem.nuisances[j - p].sd
-        }
-    });
-    let (new, rows) = (whiten(factor, &scaled), whitened.len());
+    let (new, rows) = (whiten(factor, &per_width(&proposal.jacobian, &problem.parameters)), whitened.len());
     DMatrix::from_fn(rows + new.nrows(), new.ncols(), |i, j| {
         if i < rows { whitened.tangent[(i, j)] } else { new[(i - rows, j)] }
     })
