@@ -217,17 +217,17 @@ impl Cross<'_> {
                 self.problem(&at("setting"), what);
             } else if sd <= 0.0 {
                 self.problem(&at("sd"), "is not above 0; give what the setting may be off by, or remove it".to_owned());
-            } else if let Some(error) = [-sd, sd].into_iter().find_map(|off| self.impossible(&name, off, &fitted)) {
+            } else if let Some(error) = [-sd, sd].into_iter().find_map(|off| self.impossible(&name, off)) {
                 self.problem(&at("sd"), format!("one standard deviation off, {error}; give a smaller one"));
             }
         }
     }
 
     /// Why a setting cannot be off by so much.
-    fn impossible(&self, name: &str, off: f64, fitted: &[&dyn Experiment]) -> Option<String> {
+    fn impossible(&self, name: &str, off: f64) -> Option<String> {
         let mut settings = self.reading.settings.clone();
         let moved = settings.get(name).and_then(|value| settings.set(name, value + off));
-        let refused = || fitted.iter().find_map(|experiment| experiment.setup(&settings).err());
+        let refused = || self.used().iter().find_map(|experiment| experiment.setup(&settings).err());
         moved.err().map(|error| error.to_string()).or_else(|| refused().map(|error| error.to_string()))
     }
 
@@ -311,14 +311,17 @@ impl Cross<'_> {
         }
     }
 
+    /// The fitted experiments and the held-out one.
+    fn used(&self) -> Vec<&'static dyn Experiment> {
+        let held_out = self.reading.values.text("validate.experiment");
+        let held_out = EXPERIMENTS.iter().copied().filter(|experiment| experiment.name() == held_out);
+        self.reading.fitted().into_iter().chain(held_out).collect()
+    }
+
     /// Settings that are each allowed but together describe no apparatus, for every experiment of the study.
     fn apparatus(&mut self) {
-        let values = &self.reading.values;
-        let mut names = values.words("experiments.fitted").to_vec();
-        names.push(values.text("validate.experiment").to_owned());
-        let used = EXPERIMENTS.iter().filter(|experiment| names.iter().any(|name| name == experiment.name()));
-        let errors: Vec<experiments::SetupError> =
-            used.filter_map(|experiment| experiment.setup(&self.reading.settings).err()).collect();
+        let setups = self.used().into_iter().map(|experiment| experiment.setup(&self.reading.settings));
+        let errors: Vec<experiments::SetupError> = setups.filter_map(Result::err).collect();
         for error in errors {
             let known = [error.small, error.large].into_iter().find(|name| self.reading.overrides.contains_key(name));
             self.problem(&format!("setup.{}", known.unwrap_or(error.small)), format!("{error}; change one of the two"));

@@ -91,7 +91,7 @@ impl Control {
 }
 
 /// A mean or a bias-corrected ln s with its variance, of n normal values.
-fn known(moment: Moment, mean: f64, sd: f64, n: usize) -> (f64, f64) {
+pub fn known(moment: Moment, mean: f64, sd: f64, n: usize) -> (f64, f64) {
     match moment {
         Moment::LnSd => (ln_sd(sd, n).value, 0.25 * trigamma(0.5 * (n as f64 - 1.0))),
         Moment::Mean | Moment::Trend => (mean, sd * sd / n as f64),

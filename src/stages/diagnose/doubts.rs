@@ -7,13 +7,14 @@
 //! d is linear within the standard deviation and the same wherever the parameters end up; the scatter of its runs counts as doubt.
 
 use super::anchors::point_with;
+use super::controls::known;
 use super::lab::{Job, Lab};
 use super::moments::{Batch, Moment, Statistic};
 use crate::config::Uncertain;
 use crate::experiments::Experiment;
 use crate::settings::SettingSpec;
 use crate::stages::{Context, StageError};
-use crate::stats::summary::{ln_sd, mean, sd};
+use crate::stats::summary::{mean, sd};
 use nalgebra::{DMatrix, DVector};
 
 /// What a setting may be off by, and what that shifts.
@@ -106,9 +107,9 @@ fn sides(
     Ok([batches.pop().unwrap_or_default(), up])
 }
 
-/// A statistic of a batch; `None` without two different values.
+/// A statistic of a batch; `None` without a value, and of a scatter without two different ones.
 fn value(batch: &Batch, statistic: &Statistic) -> Option<f64> {
     let values: Vec<f64> = batch.series(statistic)?.values().copied().collect();
-    let found = if statistic.moment == Moment::Mean { mean(&values) } else { ln_sd(sd(&values), values.len()).value };
+    let (found, _) = known(statistic.moment, mean(&values), sd(&values), values.len());
     found.is_finite().then_some(found)
 }
