@@ -1,7 +1,7 @@
 //! Error rates of the verdict, layer (a) of `challenges.sh`: measured sets drawn from pools of stored runs.
 //!
-//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS THETAS PANELS EVIDENCE [TRUTH…]` takes a study that is trained.
-//! For every truth, or for those named as `none` and `cohesion=1`, it stores POOL runs of each fitted experiment, prepares
+//! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS PLACES PANELS EVIDENCE [TRUTH…]` takes a study that is trained.
+//! For every truth, or for those named as `none` and `cohesion=1`, at every place of PLACES (as `A,B`), it stores POOL runs of each fitted experiment, prepares
 //! PANELS diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
 //! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them: with all observables, the KPIs alone,
 //! or all of them but the true effect left out of the library (EVIDENCE, as `all,kpis,without`). A cell that stands in
@@ -24,8 +24,9 @@ use std::path::{Path, PathBuf};
 
 type Failed = Box<dyn Error + Send + Sync>;
 
-/// Places of the hidden parameters in the unit cube, far apart: the first parameters of a study take the first numbers.
-const THETAS: [(&str, [f64; 3]); 2] = [("A", [0.35, 0.35, 0.65]), ("B", [0.65, 0.7, 0.3])];
+/// Places of the hidden parameters in the unit cube, in the order of a study's parameters: two far apart, and one so near the upper
+/// bound of the second that fits often end on it.
+const PLACES: [(&str, [f64; 3]); 3] = [("A", [0.35, 0.35, 0.65]), ("B", [0.65, 0.7, 0.3]), ("C", [0.5, 0.97, 0.5])];
 /// What is hidden, and whether the same data are also diagnosed without that candidate.
 const TRUTHS: &[(Option<(&str, f64)>, bool)] = &[
     (None, false),
@@ -51,7 +52,7 @@ const WEIGHINGS: (f64, u32) = (30.0, 10);
 fn main() -> Result<(), Failed> {
     // cargo passes `--bench` on to the binary.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
-    let [folder, pool, sets, counts, thetas, panels, evidence, truths @ ..] = arguments.as_slice() else {
+    let [folder, pool, sets, counts, places, panels, evidence, truths @ ..] = arguments.as_slice() else {
         match arguments.first() {
             Some(folder) => Book::open(Path::new(folder).join("rates.csv"))?.print(),
             None => println!("challenges: no folder given, nothing to do; see benches/challenges.sh"),
@@ -60,6 +61,8 @@ fn main() -> Result<(), Failed> {
     };
     let counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
     let panels: u32 = panels.parse()?;
+    let places: Vec<String> = places.split(',').map(str::to_owned).collect();
+    one_of("PLACES", &places, &PLACES.map(|(name, _)| name.to_owned()))?;
     let evidence: Vec<String> = evidence.split(',').map(str::to_owned).collect();
     one_of("EVIDENCE", &evidence, &["all", "kpis", "without"].map(str::to_owned))?;
     one_of("TRUTH", truths, &TRUTHS.iter().map(|(effect, _)| name_of(*effect)).collect::<Vec<_>>())?;
@@ -67,7 +70,7 @@ fn main() -> Result<(), Failed> {
     let study = Study::load(&Path::new(folder).join("pipeline.toml"))?;
     let campaign = study.campaign(Options { progress: false, ..Options::default() })?;
     let mut book = Book::open(Path::new(folder).join("rates.csv"))?;
-    let places = &THETAS[..THETAS.len().min(thetas.parse()?)];
+    let places: Vec<_> = PLACES.into_iter().filter(|(name, _)| places.iter().any(|asked| asked == name)).collect();
     // Every truth has its first panel before any has its second.
     for panel in 1..=panels {
         let asked = |truth: &Hidden| truths.is_empty() || truths.contains(&truth.name());

@@ -9,11 +9,11 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
-pool=2000 sets=1000 counts=10,20,50 thetas=2 panels=5 blind=60
+pool=2000 sets=1000 counts=10,20,50 places=A,B panels=5 blind=60
 candidates='["cohesion", "wall_friction_scatter", "size_distribution", "fill_level", "tilt"]'
 if [ "${1:-}" = --quick ]; then
   shift
-  pool=200 sets=60 counts=20 thetas=1 panels=1 blind=4
+  pool=200 sets=60 counts=20 places=A panels=1 blind=4
   candidates='["cohesion", "wall_friction_scatter", "size_distribution"]'
 fi
 folder=${1:-target/challenges}
@@ -29,7 +29,7 @@ cp -r artifacts/measured "$folder/"
 granulake repro train >/dev/null
 
 echo "## (a) drawn sets: pools of $pool runs per truth and test, $sets sets a cell, $panels panels"
-cargo bench --quiet --bench challenges -- "$folder" "$pool" "$sets" "$counts" "$thetas" "$panels" all,kpis,without
+cargo bench --quiet --bench challenges -- "$folder" "$pool" "$sets" "$counts" "$places" "$panels" all,kpis,without
 
 echo
 echo "## (b) $blind sealed challenges end to end"

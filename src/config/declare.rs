@@ -425,7 +425,7 @@ const THRESHOLDS: &[Key] = &[
         "condition",
         Kind::Number("1", 10.0, 1e15),
         "1e6",
-        "condition of the parameter slopes beyond which the verdict comes with a warning",
+        "condition of the parameter slopes beyond which the fits with each effect decide",
     ),
     key("sd_from", Kind::Count(2, 100_000), "10", "repetitions from which standard deviations enter the test"),
     key(

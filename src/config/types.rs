@@ -390,7 +390,7 @@ pub struct Thresholds {
     pub detection: f64,
     /// Squared distance to the nearest rival from which one name is due.
     pub separation: f64,
-    /// Condition of the parameter slopes beyond which the verdict comes with a warning.
+    /// Condition of the parameter slopes beyond which the fits with each effect decide, and the verdict says so.
     pub condition: f64,
     /// Repetitions from which standard deviations enter the test.
     pub sd_from: u32,

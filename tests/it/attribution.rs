@@ -4,8 +4,8 @@
 
 use granulake::rng::Stream;
 use granulake::stats::attribution::{
-    Attribution, Candidate, Correlations, Options, Parameter, Presence, Prior, Problem, Proposal, Row, RowKind,
-    Scatter, Signature, Status, TestMethod, Verdict, attribute,
+    Attribution, Candidate, Correlations, GlsOptions, Options, Parameter, Presence, Prior, Problem, Profile, Proposal,
+    Row, RowKind, Scatter, Signature, Status, TestMethod, Verdict, attribute, gls_fit,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -37,6 +37,7 @@ fn candidate(name: &str, range: (f64, f64), signature: DVector<f64>) -> Candidat
         fitted: 0.0,
         presence: Presence::Present,
         leaves: 0.0,
+        profile: None,
         scatter: None,
     }
 }
@@ -928,6 +929,95 @@ fn errors_of_the_sensitivities_count_within_the_bounds() {
         observe(&problem, &shift, 32).effects[0].status.clone()
     };
     assert_eq!((status(world()), status(wide())), (Status::Testable, Status::SignatureNotResolved));
+}
+
+/// A parameter that an effect drives onto its bound, where it stays with the effect in too. Errors of the sensitivities count over
+/// the way that the bound forbids, and excuse what an effect leaves; the fit with the effect knows what it leaves.
+#[test]
+fn on_a_bound_the_fits_of_the_full_models_decide() {
+    let mut problem = world();
+    problem.parameters[0].value = 0.0;
+    let visible = calibrated(&problem, &planted(&problem, 0, 1.0));
+    problem.candidates[0].signatures[0].per_unit = visible - problem.jacobian.column(0) * 0.3;
+    problem.jacobian_covariance =
+        vec![&problem.covariance * 100.0, &problem.covariance * 0.0, &problem.covariance * 0.0];
+    let known = |count: &dyn Fn(&Verdict) -> bool, strength: f64, full: bool| {
+        let mut stream = Stream::new(33, "profile");
+        let draw = |_: &usize| {
+            let data = noise(&problem, &mut stream) + planted(&problem, 0, strength);
+            let seen = with_errors(at_the_bound(&problem, &data, full), &mut stream);
+            count(&attribute(&seen, &quick(33)).expect("a valid problem").verdict)
+        };
+        (0..50).filter(draw).count()
+    };
+    let named = |verdict: &Verdict| is_named(verdict, "cohesion");
+    let (with, without) = (known(&named, 6.0, true), known(&named, 6.0, false));
+    assert!(with >= 45 && without < 40, "named in {with} of 50 with the fits, in {without} without");
+    let quiet = |verdict: &Verdict| *verdict == Verdict::NoDetectableDiscrepancy;
+    let nothing = known(&quiet, 0.0, true);
+    assert!(nothing >= 44, "quiet in {nothing} of 50 where nothing is missing");
+    // What no candidate is like, none explains, however much the errors would excuse.
+    let strange = direction(&mut Stream::new(34, "other"), M) * 6.0;
+    let report = attribute(&at_the_bound(&problem, &strange, true), &quick(33)).expect("a valid problem");
+    assert_eq!(report.verdict, Verdict::NoneOfTheCandidates);
+}
+
+/// Away from bounds the linear model decides, unless the sensitivities are nearly dependent.
+#[test]
+fn full_models_decide_where_the_linear_model_cannot() {
+    let named = |mut problem: Problem, profile: Option<Profile>| {
+        problem.candidates[0].profile = profile;
+        problem.residual = noise(&problem, &mut Stream::new(35, "one observation")) + planted(&problem, 0, 6.0);
+        is_named(&attribute(&problem, &quick(35)).expect("a valid problem").verdict, "cohesion")
+    };
+    let mut dependent = world();
+    let near = dependent.jacobian.column(1) + dependent.jacobian.column(2) * 1e-8;
+    dependent.jacobian.set_column(0, &near);
+    let poor = Some(Profile { strength: 6.0, sd: Some(1.0), leaves: 1e3, misfit: 1e3 });
+    assert!(named(world(), poor) && named(dependent.clone(), None) && !named(dependent, poor));
+}
+
+/// Sensitivities to the first parameter as they are seen.
+fn with_errors(mut problem: Problem, stream: &mut Stream) -> Problem {
+    let error = noise(&problem, stream) * 10.0;
+    problem.jacobian.column_mut(0).axpy(1.0, &error, 1.0);
+    problem
+}
+
+/// The problem of data whose fit ends on the lower bound of the first parameter, or not, with the fits of linear models with every
+/// effect if these are to decide.
+fn at_the_bound(problem: &Problem, data: &DVector<f64>, full: bool) -> Problem {
+    let mut problem = problem.clone();
+    let fit = |jacobian: &DMatrix<f64>, parameters: &[Parameter]| {
+        let model = |x: &DVector<f64>| (jacobian * (x - centre(parameters)), jacobian.clone());
+        gls_fit(model, data, &problem.covariance, parameters, &GlsOptions::default()).expect("a valid fit")
+    };
+    let plain = fit(&problem.jacobian, &problem.parameters);
+    let with = |candidate: &Candidate| {
+        let jacobian =
+            DMatrix::from_fn(
+                M,
+                4,
+                |i, j| if j < 3 { problem.jacobian[(i, j)] } else { candidate.signatures[0].per_unit[i] },
+            );
+        let (lower, upper) = candidate.range;
+        let strength = Parameter { name: candidate.name.clone(), value: 0.0, lower, upper, prior: None };
+        let all: Vec<Parameter> = problem.parameters.iter().cloned().chain([strength]).collect();
+        let joint = fit(&jacobian, &all);
+        let sd = joint.covariance[(3, 3)].sqrt();
+        Profile { strength: joint.parameters[3], sd: (sd > 0.0).then_some(sd), leaves: joint.chi2, misfit: joint.chi2 }
+    };
+    let profiles: Vec<Profile> = problem.candidates.iter().map(with).collect();
+    problem.residual = plain.residual;
+    problem.parameters.iter_mut().zip(plain.parameters.iter()).for_each(|(parameter, value)| parameter.value = *value);
+    if full {
+        problem.candidates.iter_mut().zip(profiles).for_each(|(candidate, profile)| candidate.profile = Some(profile));
+    }
+    problem
+}
+
+fn centre(parameters: &[Parameter]) -> DVector<f64> {
+    DVector::from_iterator(parameters.len(), parameters.iter().map(|parameter| parameter.value))
 }
 
 /// A signature of which little is known leaves nothing over of anything; that does not make it as likely as the right effect.

@@ -461,7 +461,7 @@ pub fn at_bound(u: &DVector<f64>) -> Vec<bool> {
 const SAME: f64 = 1e-3;
 
 /// ln det of a factorised matrix.
-fn ln_det(factor: &Cholesky<f64, Dyn>) -> f64 {
+pub fn ln_det(factor: &Cholesky<f64, Dyn>) -> f64 {
     2.0 * factor.l_dirty().diagonal().map(libm::log).sum()
 }
 

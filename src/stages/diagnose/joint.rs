@@ -25,7 +25,7 @@ use crate::rng::Stream;
 use crate::settings::{Scope, Settings};
 use crate::stages::StageError;
 use crate::stages::models::Models;
-use crate::stats::attribution::{Candidate, GlsFit, Parameter, Presence, Signature};
+use crate::stats::attribution::{Candidate, GlsFit, Parameter, Presence, Profile, Signature};
 use crate::stats::ensemble::{Length, Sample, around, sample, walkers};
 use nalgebra::{DMatrix, DVector};
 
@@ -419,6 +419,18 @@ impl Contender {
         }
     }
 
+    /// The joint fit as the likelihood has it.
+    fn profile(&self, case: &Case, fitted: &Fitted, found: &JointFit) -> Option<Profile> {
+        let without = fit::ln_det(&case.covariance().cholesky()?);
+        let sd = self.width() * sds(&found.fit.covariance).last()?;
+        Some(Profile {
+            strength: if self.has_strength(found) { found.strength } else { 0.0 },
+            sd: (sd > 0.0).then_some(sd),
+            leaves: found.fit.chi2,
+            misfit: fitted.misfit - without,
+        })
+    }
+
     /// What the attribution judges.
     pub fn candidate(&self, case: &Case) -> Result<Candidate, StageError> {
         let (m, p) = (case.model.values.len(), case.optimum.len());
@@ -435,9 +447,12 @@ impl Contender {
             testable: self.surface.as_ref().map(|_| ()).map_err(String::clone),
             presence: Presence::Present,
             leaves: 0.0,
+            profile: None,
             scatter: self.scatter.as_ref().and_then(|scatter| scatter.in_case(case, self.direct())),
         };
-        let (Ok(surface), Some(found)) = (&self.surface, self.fit(case)?) else { return Ok(candidate) };
+        let Ok(surface) = &self.surface else { return Ok(candidate) };
+        let fitted = self.optimum(case, surface)?;
+        let found = self.joint(case, fitted.fit.clone());
         if let Err(why) = self.shown_by(case) {
             candidate.testable = Err(why);
             return Ok(candidate);
@@ -454,6 +469,7 @@ impl Contender {
         if self.is_tied() && !tied {
             candidate.leaves = found.fit.chi2;
         }
+        candidate.profile = self.profile(case, &fitted, &found);
         let path = Path { contender: self, case, surface, tied };
         candidate.signatures = path.signatures(&found)?;
         candidate.fitted = found.strength;

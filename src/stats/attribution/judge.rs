@@ -7,7 +7,7 @@
 use super::bayes::{Evidence, PairEvidence, ln_bayes_other};
 use super::effect::{Curve, Errors, Fit, Projected, dot, weighted_dot};
 use super::geometry::{Geometry, Held};
-use super::{Options, Presence};
+use super::{Options, Presence, Profile};
 use nalgebra::{DMatrix, DVector};
 
 /// Slack in the units of a parameter's width within which "moves inwards" is satisfied.
@@ -53,6 +53,8 @@ pub(super) struct Rule {
     pub presence: Presence,
     /// The least that it leaves of the observed residual.
     pub leaves: f64,
+    /// What the full model with it makes of the observed residual, where that decides.
+    pub profile: Option<Profile>,
     /// Physical range.
     pub range: (f64, f64),
     /// Half the range.
@@ -133,18 +135,27 @@ pub(super) struct Found {
     pub geometry: usize,
     /// Whether it may be named on this fit: not where the full model does not tell the strength from zero.
     pub told: bool,
+    /// Standard deviation of the strength, where the full model knows it.
+    sd: Option<f64>,
 }
 
 impl Found {
-    /// The same fit where no less than `least` is left.
-    fn leaving(self, least: f64) -> Self {
-        let fit = Fit { leftover: self.fit.leftover.max(least), ..self.fit };
-        Self { fit, misfit: self.misfit.max(least), ..self }
+    /// The same where the full model decides, or else no less is left than it leaves.
+    fn as_known(self, rule: &Rule) -> Self {
+        match rule.profile {
+            Some(Profile { strength, sd, leaves, misfit }) => {
+                Self { fit: Fit { strength, leftover: leaves }, misfit, sd, ..self }
+            }
+            None => {
+                let fit = Fit { leftover: self.fit.leftover.max(rule.leaves), ..self.fit };
+                Self { fit, misfit: self.misfit.max(rule.leaves), ..self }
+            }
+        }
     }
 
     /// An effect that is not there.
     fn absent(t0: f64, geometry: usize) -> Self {
-        Self { fit: Fit { strength: 0.0, leftover: t0 }, misfit: t0, geometry, told: false }
+        Self { fit: Fit { strength: 0.0, leftover: t0 }, misfit: t0, geometry, told: false, sd: None }
     }
 }
 
@@ -197,7 +208,7 @@ impl Machine {
             let fit = effect.fit(scratch);
             if fit.leftover < best.fit.leftover && self.feasible(seen, geometry, k, fit.strength) {
                 let misfit = fit.leftover + effect.ln_det(fit.strength);
-                best = Found { fit, misfit, geometry, told: true };
+                best = Found { fit, misfit, geometry, told: true, sd: None };
             }
         }
         best
@@ -221,8 +232,8 @@ impl Machine {
         let none = Found::absent(seen.t0, seen.geometry);
         let fits = self.fits(seen);
         let known = |(found, rule): (Found, &Rule)| match rule.presence {
-            Presence::Present => found.leaving(rule.leaves),
-            Presence::Untold => Found { told: false, ..found.leaving(rule.leaves) },
+            Presence::Present => found.as_known(rule),
+            Presence::Untold => Found { told: false, ..found.as_known(rule) },
             Presence::Absent => none,
         };
         fits.into_iter().zip(&self.rules).map(known).collect()
@@ -290,9 +301,22 @@ impl Machine {
             let z = rule.side() * effect.local_z(&rotated);
             return Evidence { z, gain: z * z, norm2: effect.local_norm2(), tau, one_sided };
         }
-        let scale = self.effects[found.geometry][k].scale(found.fit.strength);
+        let norm2 = match found.sd {
+            Some(sd) => 1.0 / (sd * sd),
+            None => self.effects[found.geometry][k].scale(found.fit.strength).norm2,
+        };
         let gain = seen.t0 - found.misfit;
-        Evidence { z: found.fit.strength.abs() * scale.norm2.sqrt(), gain, norm2: scale.norm2, tau, one_sided }
+        Evidence { z: found.fit.strength.abs() * norm2.sqrt(), gain, norm2, tau, one_sided }
+    }
+
+    /// Standard deviation of a fitted strength.
+    pub(super) fn strength_sd(&self, found: &Found, k: usize) -> f64 {
+        found.sd.unwrap_or_else(|| self.effects[found.geometry][k].scale(found.fit.strength).sd)
+    }
+
+    /// Whether the full models decide, of which none has two effects.
+    pub(super) fn is_profiled(&self) -> bool {
+        self.rules.iter().any(|rule| rule.profile.is_some())
     }
 
     /// Local z of candidate k in the geometry of T₀.
@@ -304,9 +328,9 @@ impl Machine {
     }
 
     /// The pair with the largest odds among those whose members are each significant given the other and whose
-    /// leftover is accepted; `None` below the evidence that pairs need.
+    /// leftover is accepted; `None` below the evidence that pairs need, and where full models decide.
     fn best_pair(&self, seen: &Seen, fits: &[Found], factor: f64) -> Option<((usize, usize), f64)> {
-        if self.evidence() < self.options.pair_evidence {
+        if self.evidence() < self.options.pair_evidence || self.is_profiled() {
             return None;
         }
         let table = self.pair_table(seen, fits);

@@ -22,8 +22,10 @@
 //! **On a bound.** Where a parameter sits on its bound, the tangent space is no linear space: the parameter may move
 //! inwards only. Every fit is then the best feasible one over all choices of which of these parameters stay on their
 //! bound (whose columns leave the tangent space), which is the exact minimum for a linear model, and all critical
-//! values come from draws that repeat this bounded refit. The model's curvature in θ is not followed, and bounds that
-//! θ̂ does not touch are not enforced; [`Attribution::notes`] says when one of these conditions deserves a second look.
+//! values come from draws that repeat this bounded refit. The model's curvature in θ is not followed there, bounds that
+//! θ̂ does not touch are not enforced, and errors of the sensitivities count over ways that the bound forbids. So there, and where
+//! the sensitivities are nearly dependent, the fits of the full models decide of the observed residual ([`Candidate::profile`]):
+//! what an effect leaves, how likely it is, and whether it shows. None has two effects, so that pairs are not tried.
 //!
 //! Deliberately absent: running models, files, and any knowledge of what an observable or an effect is. The held-out
 //! observables never enter: the caller leaves them out of every matrix. [`gls_fit`] supplies θ̂.
@@ -148,8 +150,24 @@ pub struct Candidate {
     /// χ² that the full model with it leaves where it was simulated, if that gives no signature; else 0. The effect leaves no less
     /// of the observed residual, whatever the errors of its signatures would excuse.
     pub leaves: f64,
+    /// What the full model with it says of the data, if there is one: it decides where the linear model cannot.
+    pub profile: Option<Profile>,
     /// How it changes the noise of the observables, where that is known and matters.
     pub scatter: Option<Scatter>,
+}
+
+/// The best fit of a full model, parameters and strength together and each within its bounds: where the profile likelihood of the
+/// strength has its maximum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Profile {
+    /// Strength of the fit; 0 where the effect is better left out.
+    pub strength: f64,
+    /// Its standard deviation; `None` where it lies on the end of its range.
+    pub sd: Option<f64>,
+    /// χ² of the fit, priors included.
+    pub leaves: f64,
+    /// −2 ln likelihood, counted so that it is T₀ without the effect: χ² and ln det of its Σ less that of [`Problem::covariance`].
+    pub misfit: f64,
 }
 
 /// How an effect changes the noise of the observables: one that scatters from one repetition to the next is a cause that all
@@ -245,7 +263,7 @@ pub struct Options {
     pub power_draws: usize,
     /// Probability that defines the detection limit (0.90).
     pub power: f64,
-    /// Condition of the scaled sensitivity matrix from which the fit deserves a second look (1e6).
+    /// Condition of the scaled sensitivity matrix from which the fits of the full models decide (1e6).
     pub largest_condition: f64,
     /// Seed of all draws.
     pub seed: u64,
@@ -375,6 +393,11 @@ impl Candidate {
             check(&format!("the shift of {what}"), signature.shift.shape(), (p, 1), signature.shift.iter())?;
         }
         check(&format!("the fitted strength of `{}`", self.name), (1, 1), (1, 1), [self.fitted].iter())?;
+        if let Some(Profile { strength, sd, leaves, misfit }) = self.profile {
+            let what = format!("the fit of the model with `{}`", self.name);
+            check(&what, (1, 1), (1, 1), [strength, leaves, misfit].iter())?;
+            sd.map_or(Ok(()), |sd| positive(&what, sd))?;
+        }
         let (low, high) = self.range;
         let ordered = self.signatures.windows(2).all(|pair| pair[0].strength < pair[1].strength);
         let usable = |s: &Signature| s.strength.is_finite() && s.strength != 0.0;

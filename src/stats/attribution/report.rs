@@ -9,7 +9,7 @@ use super::outcome::{
     Attribution, EffectReport, Member, ResidualRow, Sensitivity, Separation, Status, TestMethod, Verdict,
 };
 use super::proposals::{cosine, separation, usable, with_proposal};
-use super::{AttributionError, Candidate, Options, Problem, RowKind, Signature};
+use super::{AttributionError, Candidate, Options, Problem, Profile, RowKind, Signature};
 use crate::stats::special;
 use nalgebra::{DMatrix, DVector};
 
@@ -26,16 +26,27 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let whitened = Whitened::new(problem, options)?;
     let geometries = whitened.geometries();
     let signatures: Vec<Curve> = problem.candidates.iter().map(|candidate| curve(&whitened, candidate)).collect();
+    let is_profiled = !whitened.held.is_empty() || whitened.condition > options.largest_condition;
+    let profile = |candidate: &Candidate| candidate.profile.filter(|_| is_profiled);
     let slopes: Vec<DMatrix<f64>> = problem.jacobian_covariance.iter().map(|c| whitened.covariance(c)).collect();
-    let errors = signature_errors(problem, &whitened, (&geometries[0], &slopes), &signatures);
-    let rules = problem
-        .candidates
-        .iter()
-        .map(|c| Rule { testable: false, presence: c.presence, leaves: c.leaves, range: c.range, tau: c.scale() })
-        .collect();
+    let way = |candidate: &Candidate| if profile(candidate).is_some() { &[] } else { slopes.as_slice() };
+    let errors = signature_errors(problem, &whitened, (&geometries[0], &way), &signatures);
+    let rule = |c: &Candidate| Rule {
+        testable: false,
+        presence: c.presence,
+        leaves: c.leaves,
+        profile: profile(c),
+        range: c.range,
+        tau: c.scale(),
+    };
+    let rules = problem.candidates.iter().map(rule).collect();
     let mut machine = Machine::new(geometries, &whitened.held, &signatures, &errors, rules, *options);
+    let seen = machine.see(&whitened.residual);
     let visible: Vec<Visible> = (0..signatures.len())
-        .map(|k| Visible::new((problem, &whitened, &slopes), &machine, (&signatures[k], &errors[k]), k))
+        .map(|k| {
+            let visible = Visible::new((problem, &whitened, &slopes), &machine, (&signatures[k], &errors[k]), k);
+            visible.or_seen(machine.rules[k].profile, seen.t0, machine.options.signature_level)
+        })
         .collect();
     machine.rules.iter_mut().zip(&visible).for_each(|(rule, v)| rule.testable = v.status == Status::Testable);
     machine.s2 = relative_variance(&machine);
@@ -47,7 +58,6 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let worlds: Vec<World> = problem.candidates.iter().enumerate().map(world).collect();
     let noise = Noise::new(problem, &whitened, options);
     let null = draws::calibrate(&mut machine, &noise, &worlds);
-    let seen = machine.see(&whitened.residual);
     let fits = machine.fits_as_known(&seen);
     let leads = leads(&machine, &worlds, &fits);
     let (whitened, machine, noise) = (&whitened, &machine, &noise);
@@ -76,18 +86,19 @@ fn curve(whitened: &Whitened, candidate: &Candidate) -> Curve {
 
 /// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, and an error δJ of the
 /// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature was taken. The two moves
-/// all but cancel at the fitted strength, however far they lead; along a bent path they do so only there.
-fn signature_errors(
+/// all but cancel at the fitted strength, however far they lead; along a bent path they do so only there. `slopes` holds the errors
+/// that count for a candidate: a full model that decides does without.
+fn signature_errors<'a>(
     problem: &Problem,
     whitened: &Whitened,
-    (geometry, slopes): (&Geometry, &[DMatrix<f64>]),
+    (geometry, slopes): (&Geometry, &dyn Fn(&Candidate) -> &'a [DMatrix<f64>]),
     signatures: &[Curve],
 ) -> Vec<Errors> {
     let of = |(candidate, curve): (&Candidate, &Curve)| {
         let known = whitened.covariance(&candidate.covariance);
         let at = |(signature, vector): (&Signature, &Vec<f64>)| {
             let moves = &geometry.inverse * DVector::from_column_slice(vector);
-            with_slopes(&known, slopes, |column| {
+            with_slopes(&known, slopes(candidate), |column| {
                 let parameter = &problem.parameters[column];
                 moves[column] * (parameter.upper - parameter.lower) + signature.shift[column]
             })
@@ -160,6 +171,17 @@ impl Visible {
         };
         Self { status, visibility, p }
     }
+
+    /// An effect whose full model gains significantly shows, whatever becomes of its signature.
+    fn or_seen(self, profile: Option<Profile>, t0: f64, level: f64) -> Self {
+        let gains = |profile: Profile| t0 - profile.misfit > special::chi2_quantile(1.0 - level, 1.0);
+        match self.status {
+            Status::AbsorbedByCalibration | Status::SignatureNotResolved if profile.is_some_and(gains) => {
+                Self { status: Status::Testable, ..self }
+            }
+            _ => self,
+        }
+    }
 }
 
 /// Everything that is known once the observed residual has been fitted.
@@ -226,7 +248,7 @@ impl Report<'_> {
             z,
             local_strength: self.local_strength(k, z),
             strength: found.fit.strength,
-            strength_sd: projected.scale(found.fit.strength).sd,
+            strength_sd: machine.strength_sd(&found, k),
             leftover: found.fit.leftover,
             leftover_p: self.p_of(leftovers.map_or(&[], Vec::as_slice), found.fit.leftover, dof, leftovers.is_some()),
             accepted: machine.accepts(&found, k),
@@ -338,7 +360,7 @@ impl Report<'_> {
 
     fn member(&self, k: usize) -> Member {
         let (candidate, found) = (&self.problem.candidates[k], self.fits[k]);
-        let sd = self.machine.effects[found.geometry][k].scale(found.fit.strength).sd;
+        let sd = self.machine.strength_sd(&found, k);
         Member { name: candidate.name.clone(), strength: found.fit.strength, sd, unit: candidate.unit.clone() }
     }
 
@@ -425,6 +447,9 @@ impl Report<'_> {
         }
         for name in self.on_bound() {
             notes.push(format!("{name} sits on its bound; fits and critical values allow it to move inwards only"));
+        }
+        if self.machine.is_profiled() {
+            notes.push("the fits of the models with each effect decide; pairs are not tried".to_owned());
         }
         if self.whitened.condition > self.machine.options.largest_condition {
             notes.push(format!(
