@@ -1,8 +1,8 @@
 //! Error rates of the verdict, layer (a) of `challenges.sh`: measured sets drawn from pools of stored runs.
 //!
 //! `cargo bench --bench challenges -- FOLDER POOL SETS COUNTS PLACES PANELS EVIDENCE [TRUTH…]` takes a study that is trained.
-//! For every truth, or for those named as `none` and `cohesion=1`, at every place of PLACES (as `A,B`), it stores POOL runs of each fitted experiment, prepares
-//! PANELS diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
+//! For every truth, or for those named as `none` and `cohesion=1`, at every place of PLACES (as `A,B`), it stores POOL runs of
+//! each fitted experiment, prepares PANELS diagnoses with their own direct runs at data of other seeds, draws SETS measured sets of every count of COUNTS (as
 //! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them: with all observables, the KPIs alone,
 //! or all of them but the true effect left out of the library (EVIDENCE, as `all,kpis,without`). A cell that stands in
 //! FOLDER/rates.csv already is not done again. FOLDER alone prints what stands there, the tables of docs/challenges.md.
@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 type Failed = Box<dyn Error + Send + Sync>;
 
 /// Places of the hidden parameters in the unit cube, in the order of a study's parameters: two far apart, and one so near the upper
-/// bound of the second that fits often end on it.
+/// bound of the second that fits may end on it.
 const PLACES: [(&str, [f64; 3]); 3] = [("A", [0.35, 0.35, 0.65]), ("B", [0.65, 0.7, 0.3]), ("C", [0.5, 0.97, 0.5])];
 /// What is hidden, and whether the same data are also diagnosed without that candidate.
 const TRUTHS: &[(Option<(&str, f64)>, bool)] = &[
