@@ -29,8 +29,7 @@ pub fn attribute(problem: &Problem, options: &Options) -> Result<Attribution, At
     let is_profiled = !whitened.held.is_empty() || whitened.condition > options.largest_condition;
     let profile = |candidate: &Candidate| candidate.profile.filter(|_| is_profiled);
     let slopes: Vec<DMatrix<f64>> = problem.jacobian_covariance.iter().map(|c| whitened.covariance(c)).collect();
-    let way = |candidate: &Candidate| if profile(candidate).is_some() { &[] } else { slopes.as_slice() };
-    let errors = signature_errors(problem, &whitened, (&geometries[0], &way), &signatures);
+    let errors = signature_errors(problem, &whitened, (&geometries[0], &slopes, is_profiled), &signatures);
     let rule = |c: &Candidate| Rule {
         testable: false,
         presence: c.presence,
@@ -86,19 +85,20 @@ fn curve(whitened: &Whitened, candidate: &Candidate) -> Curve {
 
 /// Σ_g whitened, plus what the error of J adds: with the effect in, θ̂ moves by −J⁺g per unit, and an error δJ of the
 /// sensitivities then shifts the prediction by −δJ(J⁺g + δ), δ being the move at which that signature was taken. The two moves
-/// all but cancel at the fitted strength, however far they lead; along a bent path they do so only there. `slopes` holds the errors
-/// that count for a candidate: a full model that decides does without.
-fn signature_errors<'a>(
+/// all but cancel at the fitted strength, however far they lead; along a bent path they do so only there. A full model
+/// that decides does without the sensitivities.
+fn signature_errors(
     problem: &Problem,
     whitened: &Whitened,
-    (geometry, slopes): (&Geometry, &dyn Fn(&Candidate) -> &'a [DMatrix<f64>]),
+    (geometry, slopes, is_profiled): (&Geometry, &[DMatrix<f64>], bool),
     signatures: &[Curve],
 ) -> Vec<Errors> {
     let of = |(candidate, curve): (&Candidate, &Curve)| {
         let known = whitened.covariance(&candidate.covariance);
+        let slopes = if is_profiled && candidate.profile.is_some() { &[] } else { slopes };
         let at = |(signature, vector): (&Signature, &Vec<f64>)| {
             let moves = &geometry.inverse * DVector::from_column_slice(vector);
-            with_slopes(&known, slopes(candidate), |column| {
+            with_slopes(&known, slopes, |column| {
                 let parameter = &problem.parameters[column];
                 moves[column] * (parameter.upper - parameter.lower) + signature.shift[column]
             })
