@@ -292,14 +292,16 @@ fn rates(opened: &[Opened]) -> Vec<String> {
     };
     let off = [within("strengths", &strengths), within("parameters", &parameters)];
     let kinds = [
-        ("fitted means", true, "mean"),
-        ("fitted scatters", true, "sd"),
-        ("held-out means", false, "mean"),
-        ("held-out scatters", false, "sd"),
+        ("fitted means", (true, false), "mean"),
+        ("fitted scatters", (true, false), "sd"),
+        ("means of held-out repetitions", (false, true), "mean"),
+        ("scatters of held-out repetitions", (false, true), "sd"),
+        ("held-out means", (false, false), "mean"),
+        ("held-out scatters", (false, false), "sd"),
     ];
-    let errors = kinds.map(|(what, fitted, statistic)| {
+    let errors = kinds.map(|(what, role, statistic)| {
         let rows = opened.iter().flat_map(|one| &one.before_after);
-        errors(what, rows.filter(|row| row.fitted == fitted && row.statistic == statistic))
+        errors(what, rows.filter(|row| (row.fitted, row.held_out_repetitions) == role && row.statistic == statistic))
     });
     lines.into_iter().chain(off).chain(errors.into_iter().flatten()).flatten().collect()
 }
@@ -353,6 +355,7 @@ mod tests {
             kpi: "angle_of_repose".to_owned(),
             statistic: "mean".to_owned(),
             fitted: true,
+            held_out_repetitions: false,
             measured_value: 30.0,
             before: Some(30.0 + 0.3 * before),
             after: after.map(|after| 30.0 + 0.3 * after),

@@ -400,6 +400,12 @@ const DIAGNOSE: &[Key] = &[
         "100",
         "direct simulations at the optimum without and with an effect; fewer make verdicts timid",
     ),
+    key(
+        "held_out_share",
+        Kind::Number("1", 0.0, 0.5),
+        "0",
+        "share of the measured repetitions that no fit of the diagnosis sees; before and after are held against them",
+    ),
     key("bootstrap", Kind::Count(100, MANY), "1000", "draws behind family-wise p-values and detection limits"),
 ];
 

@@ -367,6 +367,8 @@ pub struct Diagnose {
     pub refine_points: u32,
     /// Direct simulations at an optimum.
     pub refine_repetitions: u32,
+    /// Share of the measured repetitions that no fit sees.
+    pub held_out_share: f64,
     /// Bootstrap draws.
     pub bootstrap: u32,
     /// When a verdict is given.
@@ -557,6 +559,7 @@ pub(super) fn diagnose(values: &Values, active: &[(String, f64)]) -> Diagnose {
         anchor_repetitions: values.count32("diagnose.anchor_repetitions"),
         refine_points: values.count32("diagnose.refine_points"),
         refine_repetitions: values.count32("diagnose.refine_repetitions"),
+        held_out_share: values.number("diagnose.held_out_share"),
         bootstrap: values.count32("diagnose.bootstrap"),
         thresholds: thresholds(values),
     }

@@ -210,21 +210,26 @@ impl Report {
         }
     }
 
-    /// What the diagnosis made of a statistic: `held out` is only what belongs to the experiment that no fit sees.
+    /// What the diagnosis made of a statistic: `held out` is only what belongs to the experiment that no fit sees, and repetitions
+    /// that were kept from the fit are named so.
     fn role(&self, row: &BeforeAfterRow) -> &'static str {
         let of_fitted_experiment =
             |target: &TargetRow| target.measured == row.measured && target.kpi == row.kpi && target.fitted;
         match row.fitted {
             true => "fitted",
+            false if row.held_out_repetitions => "held-out repetitions",
             false if self.targets.iter().any(of_fitted_experiment) => "not used",
             false => "held out",
         }
     }
 
-    /// The diagnosis' statistics of a data set: fitted ones, then unused ones, then held-out ones, the paper's KPIs first.
+    /// The diagnosis' statistics of a data set: fitted ones, then unused ones, then held-out repetitions, then the held-out
+    /// experiment, the paper's KPIs first.
     fn before_after_of(&self, measured: &str) -> Vec<&BeforeAfterRow> {
         let mut rows: Vec<&BeforeAfterRow> = self.before_after.iter().filter(|row| row.measured == measured).collect();
-        let order = |role: &str| ["fitted", "not used", "held out"].iter().position(|known| *known == role);
+        let order = |role: &str| {
+            ["fitted", "not used", "held-out repetitions", "held out"].iter().position(|known| *known == role)
+        };
         rows.sort_by_key(|row| (order(self.role(row)), words::rank(&row.kpi), row.statistic.as_str()));
         rows
     }

@@ -6,7 +6,7 @@ use super::{Context, Demand, Outputs, SettingsText, Stage, StageError, never};
 use crate::campaign::Request;
 use crate::config::Config;
 use crate::stats::special::student_t_quantile;
-use crate::stats::summary::{Summary, welch};
+use crate::stats::summary::{Summary, variance_of_mean, welch};
 use crate::tables::Row;
 use crate::tables::list::{OptimumRow, TargetRow, VALIDATE_KPIS, VALIDATE_RUNS, ValidationRow};
 
@@ -95,7 +95,7 @@ fn row(context: &Context, results: &Results, name: &Name, target: &TargetRow) ->
 
 /// Half width of the interval of the error: both means are uncertain, degrees of freedom after Welch and Satterthwaite.
 fn half_width_percent(found: &Summary, target: &TargetRow, confidence: f64) -> Option<f64> {
-    let (variance, dof) = welch(&[(found.sd, found.n as f64), (target.sd, f64::from(target.n))]);
+    let (variance, dof) = welch(&[variance_of_mean(found.sd, found.n), variance_of_mean(target.sd, target.n as usize)]);
     let t = student_t_quantile(0.5 + 0.5 * confidence, dof);
     finite(100.0 * t * variance.sqrt() / target.mean.abs())
 }

@@ -182,12 +182,16 @@ pub fn sd_interval(sd: f64, n: usize, level: f64, convention: Convention) -> Int
     Factors::new(n, level, convention).of_sd(sd)
 }
 
-/// Variance of a sum or difference of independent means, each given as (standard deviation, number of values), with its degrees
-/// of freedom after Welch (1947) and Satterthwaite (1946). NaN where a mean has fewer than two values, or none has any scatter.
+/// Variance of the mean of `n` values with a standard deviation, and its degrees of freedom.
+pub fn variance_of_mean(sd: f64, n: usize) -> (f64, f64) {
+    (sd * sd / n as f64, n as f64 - 1.0)
+}
+
+/// Variance of a sum or difference of independent means, each given by its variance and the degrees of freedom of that, with its
+/// own after Welch (1947) and Satterthwaite (1946). NaN where a mean has fewer than two values, or none has any scatter.
 pub fn welch(means: &[(f64, f64)]) -> (f64, f64) {
-    let variances = means.iter().map(|(sd, n)| (sd * sd / n, n - 1.0));
-    let (sum, squares) = variances.fold((0.0, 0.0), |(sum, squares), (v, dof)| (sum + v, squares + v * v / dof));
-    (sum, sum * sum / squares)
+    let sums = means.iter().fold((0.0, 0.0), |(sum, squares), (v, dof)| (sum + v, squares + v * v / dof));
+    (sums.0, sums.0 * sums.0 / sums.1)
 }
 
 /// Smallest n from which the running mean stays within `tolerance` (relative) of the final mean: 0.01 for Fig. 6.
@@ -436,12 +440,15 @@ mod tests {
     #[test]
     fn welch_degrees_of_freedom_lie_between_those_of_the_parts() {
         // By hand: 9/3 + 16/4 = 7, 49/(9/2 + 16/3) = 294/59.
-        let (variance, dof) = welch(&[(3.0, 3.0), (4.0, 4.0)]);
+        let (variance, dof) = welch(&[variance_of_mean(3.0, 3), variance_of_mean(4.0, 4)]);
         assert!((variance - 7.0).abs() < 1e-15 && (dof - 294.0 / 59.0).abs() < 1e-14, "{variance} {dof}");
         // Equal parts have the sum of their degrees of freedom, one part alone its own.
-        assert!((welch(&[(2.0, 10.0), (2.0, 10.0)]).1 - 18.0).abs() < 1e-13);
-        assert!((welch(&[(2.0, 10.0), (0.0, 5.0)]).1 - 9.0).abs() < 1e-13);
-        assert!(welch(&[(f64::NAN, 1.0), (2.0, 10.0)]).1.is_nan() && welch(&[(0.0, 3.0)]).1.is_nan());
+        assert!((welch(&[variance_of_mean(2.0, 10), variance_of_mean(2.0, 10)]).1 - 18.0).abs() < 1e-13);
+        assert!((welch(&[variance_of_mean(2.0, 10), variance_of_mean(0.0, 5)]).1 - 9.0).abs() < 1e-13);
+        assert!(
+            welch(&[variance_of_mean(f64::NAN, 1), variance_of_mean(2.0, 10)]).1.is_nan()
+                && welch(&[variance_of_mean(0.0, 3)]).1.is_nan()
+        );
     }
 
     #[test]

@@ -808,9 +808,10 @@ table! {
 }
 
 table! {
-    /// Error of every statistic before and after the effect was added, from DEM runs. The intervals of held-out means hold what the
-    /// data leave open in the parameters, those of fitted standard deviations the tails of the observables.
-    pub struct BeforeAfterRow in "before_after" version 1 sorted by (measured, kpi, statistic) {
+    /// Error of every statistic before and after the effect was added, from DEM runs with packings that no fit saw. The intervals
+    /// of held-out means hold what the data leave open in the parameters, those of standard deviations the tails of the fitted
+    /// observables.
+    pub struct BeforeAfterRow in "before_after" version 2 sorted by (measured, kpi, statistic, held_out_repetitions) {
         /// Measured data set.
         measured: String ["1"],
         /// Experiment.
@@ -819,8 +820,10 @@ table! {
         kpi: String ["1"],
         /// mean or sd.
         statistic: String ["1"],
-        /// The fit used this observable (true) or never saw it (false).
+        /// The fit used this statistic (true) or never saw it (false).
         fitted: bool ["1"],
+        /// Measured in repetitions of a fitted experiment that were kept from the fit, `[diagnose] held_out_share`.
+        held_out_repetitions: bool ["1"],
         /// Measured value, less the model's own offset where the data have controls.
         measured_value: f64 ["see unit"],
         /// Simulated value before.

@@ -7,6 +7,7 @@
 
 use crate::support::{Study, shipped_setup};
 use granulake::campaign::Point;
+use granulake::config::Measured;
 use granulake::store::table;
 use granulake::tables::{
     AttributionRow, BeforeAfterRow, DIAGNOSE_KPIS, DIAGNOSE_RUNS, HeldOutRow, KpiRow, PointRow, PriorWidthRow,
@@ -114,7 +115,45 @@ fn hidden_effects_are_named_and_nothing_else_is() {
         let places = optimum_is_where_runs_stand(&study, name);
         assert!((1..=4).contains(&places), "{name}: {places}");
     }
+    errors_are_confirmed_by_runs_of_their_own(&study);
     every_run_has_its_parameters(&study);
+    repetitions_are_held_out(&study, "wet", "cohesion");
+}
+
+/// A fifth of the repetitions is kept from the fits: every fifth value, against which both models are held like the hopper.
+fn repetitions_are_held_out(study: &Study, name: &str, effect: &str) {
+    let all: Vec<BeforeAfterRow> = study.table();
+    assert!(all.iter().all(|row| !row.held_out_repetitions), "none are held out unless it is asked for");
+    let share = format!("[diagnose]\nmeasured = [\"{name}\"]\nheld_out_share = 0.2");
+    study.edit("pipeline.toml", "[diagnose]", &share);
+    study.succeed(&["repro", "diagnose"]);
+    let verdicts: Vec<VerdictRow> = study.table();
+    assert_eq!((verdicts.len(), verdicts[0].effects.as_str()), (1, effect), "{}", verdicts[0].sentence);
+    let rows: Vec<BeforeAfterRow> = study.table();
+    let measured = Measured::read(name, &study.path(&format!("{name}/measured.csv"))).expect("measured data");
+    let (mut count, mut within) = (0, 0);
+    for row in rows.iter().filter(|row| row.experiment != "hopper" && row.statistic == "mean") {
+        let is_out = |repetition: u32| repetition.is_multiple_of(5) == row.held_out_repetitions;
+        let values = measured.series_of(&row.kpi).into_iter().filter(|(repetition, _)| is_out(*repetition));
+        let values: Vec<f64> = values.map(|(_, value)| value).collect();
+        assert_eq!(values.len(), if row.held_out_repetitions { 4 } else { 16 }, "{row:?}");
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        assert!((row.measured_value - mean).abs() < 1e-9 * mean.abs().max(1.0), "{row:?}, not {mean}");
+        assert!(!(row.fitted && row.held_out_repetitions), "{row:?}");
+        if let (true, Some(lower), Some(upper)) =
+            (row.held_out_repetitions, row.after_lower_percent, row.after_upper_percent)
+        {
+            count += 1;
+            within += usize::from(lower <= 0.0 && 0.0 <= upper);
+        }
+    }
+    assert!(count >= 6 && within + 2 >= count, "{within} of {count} held-out means within their intervals");
+    let judged: Vec<HeldOutRow> = study.table();
+    let of_repetitions = judged.iter().filter(|row| row.experiment != "hopper");
+    let compared = rows.iter().filter(|row| row.held_out_repetitions && row.statistic == "mean");
+    assert!(of_repetitions.clone().map(|row| &row.kpi).eq(compared.map(|row| &row.kpi)), "{judged:?}");
+    assert!(of_repetitions.clone().any(|row| row.judgement == "better"), "{judged:?}");
+    assert!(judged.iter().all(|row| row.judgement != "worse"), "{judged:?}");
 }
 
 /// Eight widths of the priors beside the study's own. What is hidden plainly is named by all of them; where any says something
@@ -180,14 +219,31 @@ fn every_run_has_its_parameters(study: &Study) {
     }
 }
 
-/// "Before" is the mean of the runs at the last place at which the optimum was simulated; gives the number of such places.
+/// Runs behind the errors of fitted tests have seeds that no other run of the diagnosis has: no fit and no choice knows them.
+fn errors_are_confirmed_by_runs_of_their_own(study: &Study) {
+    let runs: Vec<RunRow> = table::read(&study.path("artifacts"), &DIAGNOSE_RUNS).expect("a table");
+    let (own, others): (Vec<&RunRow>, Vec<&RunRow>) = runs.iter().partition(|run| run.label.ends_with(" confirmation"));
+    let seeds: BTreeSet<u64> = others.iter().map(|run| run.seed).collect();
+    assert!(own.iter().all(|run| !seeds.contains(&run.seed)), "a run that confirms was seen before");
+    let places: BTreeSet<&str> = own.iter().map(|run| run.label.as_str()).collect();
+    let before = ["foreign", "large", "paper", "plain", "wet"].map(|name| format!("{name}/before confirmation"));
+    let after = ["large", "wet"].map(|name| format!("{name}/after confirmation"));
+    let expected: BTreeSet<&str> = before.iter().chain(&after).map(String::as_str).collect();
+    assert_eq!(places, expected);
+}
+
+/// "Before" is the mean of the confirming runs at the last place at which the optimum was simulated; gives the number of such
+/// places.
 fn optimum_is_where_runs_stand(study: &Study, name: &str) -> u32 {
     let kpis: Vec<KpiRow> = table::read(&study.path("artifacts"), &DIAGNOSE_KPIS).expect("a table");
-    let label = format!("{name}/before");
-    let of_label: Vec<&KpiRow> = kpis.iter().filter(|row| row.label == label && row.kpi == "angle_of_repose").collect();
-    let places = of_label.iter().map(|row| row.point).max().expect("runs at the optimum");
-    let last: Vec<f64> = of_label.iter().filter(|row| row.point == places).filter_map(|row| row.value).collect();
-    let mean = last.iter().sum::<f64>() / last.len() as f64;
+    let of = |label: String| kpis.iter().filter(move |row| row.label == label && row.kpi == "angle_of_repose");
+    let places = of(format!("{name}/before")).map(|row| row.point).max().expect("runs at the optimum");
+    let hash = |row: &KpiRow| row.parameter_hash.clone();
+    let place = of(format!("{name}/before")).filter(|row| row.point == places).map(hash).collect::<BTreeSet<_>>();
+    let confirming: Vec<&KpiRow> = of(format!("{name}/before confirmation")).collect();
+    assert_eq!(confirming.iter().map(|row| hash(row)).collect::<BTreeSet<_>>(), place, "{name}: another place");
+    let values: Vec<f64> = confirming.iter().filter_map(|row| row.value).collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
     let rows: Vec<BeforeAfterRow> = study.table();
     let is_it = |row: &&BeforeAfterRow| row.measured == name && row.kpi == "angle_of_repose" && row.statistic == "mean";
     let before = rows.iter().find(is_it).and_then(|row| row.before).expect("a mean");

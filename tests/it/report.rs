@@ -3,7 +3,7 @@
 mod synthetic;
 
 use granulake::report::{Report, Resolution, html, markdown, summary};
-use granulake::tables::VerdictRow;
+use granulake::tables::{BeforeAfterRow, VerdictRow};
 
 use synthetic::full;
 
@@ -307,6 +307,9 @@ fn held_out_is_what_the_held_out_experiment_gives_and_nothing_else() {
     let mut report = full();
     let row = report.before_after.iter_mut().find(|row| row.kpi == "mass_on_shelf" && row.statistic == "mean");
     row.expect("a row").fitted = false;
+    let angle = report.before_after.iter().find(|row| row.kpi == "angle_of_repose" && row.statistic == "mean");
+    let angle = angle.expect("a row").clone();
+    report.before_after.push(BeforeAfterRow { fitted: false, held_out_repetitions: true, ..angle });
     let text = markdown(&report);
     let roles = |name: &str| {
         let rows = text.lines().filter(|line| line.starts_with(&format!("| {name} ")) && line.contains("| mean "));
@@ -315,6 +318,12 @@ fn held_out_is_what_the_held_out_experiment_gives_and_nothing_else() {
     assert!(roles("Mass on shelf").contains(&"not used".to_string()), "{:?}", roles("Mass on shelf"));
     assert!(roles("Discharge rate").contains(&"held out".to_string()));
     assert!(!text.contains("Mass on shelf, mean (held out)"));
+    let of_angle = roles("Angle of repose");
+    assert!(
+        ["fitted", "held-out repetitions"].iter().all(|role| of_angle.contains(&(*role).to_string())),
+        "{of_angle:?}"
+    );
+    assert!(summary(&report).contains("(held-out repetitions)"), "{}", summary(&report));
     holds(&text, "diagnosis only");
 }
 

@@ -134,6 +134,30 @@ impl Measured {
         self.values.iter().filter(|value| value.kpi == kpi).map(|value| value.value).collect()
     }
 
+    /// What a fit may see, and the values of that share of the repetitions of `experiments`, spread evenly over a series, that
+    /// it may not. An observable that would keep fewer than two values on either side stays whole with the first, as do
+    /// published summaries and properties.
+    #[must_use]
+    pub fn hold_out(&self, share: f64, experiments: &[&str]) -> (Self, Self) {
+        let upto = |repetition: u32| (f64::from(repetition) * share).floor();
+        let is_out = |value: &MeasuredValue| upto(value.repetition) > upto(value.repetition - 1);
+        let counts = |kpi: &str| {
+            let of_kpi = || self.values.iter().filter(|value| value.kpi == kpi);
+            (of_kpi().filter(|value| is_out(value)).count(), of_kpi().count())
+        };
+        let splits: Vec<&str> = self
+            .groups()
+            .into_keys()
+            .filter(|(experiment, _)| experiments.contains(experiment))
+            .map(|(_, kpi)| kpi)
+            .filter(|kpi| matches!(counts(kpi), (out, all) if out >= 2 && all - out >= 2))
+            .collect();
+        let (unseen, seen): (Vec<_>, Vec<_>) =
+            self.values.iter().cloned().partition(|value| splits.contains(&value.kpi) && is_out(value));
+        let unseen = Self { name: self.name.clone(), values: unseen, raw: self.raw, ..Self::default() };
+        (Self { values: seen, ..self.clone() }, unseen)
+    }
+
     fn groups(&self) -> BTreeMap<(&'static str, &'static str), Vec<f64>> {
         let mut groups: BTreeMap<_, Vec<f64>> = BTreeMap::new();
         for value in &self.values {

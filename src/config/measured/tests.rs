@@ -227,3 +227,24 @@ fn a_property_of_the_grains_is_no_observable() {
     let (values, summaries) = collect(&set).unwrap();
     assert_eq!(Measured::new("m", values, summaries, Vec::new()).properties[0].n, 10);
 }
+
+/// Of ten repetitions every fifth is held out; where that leaves one value, or a test is not named, nothing is.
+#[test]
+fn a_share_of_the_repetitions_is_held_out_evenly() {
+    let value =
+        |experiment, kpi, repetition: u32| MeasuredValue { experiment, kpi, repetition, value: f64::from(repetition) };
+    let pile = (1..=10).map(|repetition| value("pile", "angle_of_repose", repetition));
+    let density = (1..=6).map(|repetition| value("density", "bulk_density", repetition));
+    let hopper = (1..=10).map(|repetition| value("hopper", "discharge_rate", repetition));
+    let values: Vec<_> = density.chain(hopper).chain(pile).collect();
+    let set = Measured { name: "blind".to_owned(), values, ..Measured::default() };
+    let tests = ["pile", "density"];
+    let (seen, unseen) = set.hold_out(0.2, &tests);
+    assert_eq!(unseen.series_of("angle_of_repose"), [(5, 5.0), (10, 10.0)]);
+    assert_eq!(seen.values_of("angle_of_repose"), [1.0, 2.0, 3.0, 4.0, 6.0, 7.0, 8.0, 9.0]);
+    assert_eq!((seen.values.len(), unseen.values.len(), unseen.name.as_str()), (24, 2, "blind"));
+    let (seen, unseen) = set.hold_out(0.5, &tests);
+    assert_eq!(unseen.values_of("bulk_density"), [2.0, 4.0, 6.0]);
+    assert_eq!(seen.values_of("discharge_rate").len(), 10, "not a test of the fit");
+    assert_eq!(set.hold_out(0.0, &tests).0, set);
+}

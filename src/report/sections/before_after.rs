@@ -69,7 +69,8 @@ fn chart_row(report: &Report, row: &BeforeAfterRow) -> Row {
     let after = mark(0, "after", row.after_error_percent, row.after_lower_percent, row.after_upper_percent);
     Row {
         group: match report.role(row) {
-            "held out" => "Held out: the fit never saw these".to_string(),
+            "held out" => "Held out: the fit never saw this experiment".to_string(),
+            "held-out repetitions" => "Held-out repetitions: the fit never saw these".to_string(),
             role => words::title(role),
         },
         label: words::title(&row.kpi),

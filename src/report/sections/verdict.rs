@@ -59,7 +59,7 @@ fn strength(row: &AttributionRow) -> Text {
     text("strength ").strong(value).plain(format!("; odds against no effect {}; {limit}", odds(row.ln_odds)))
 }
 
-/// The KPIs' errors before and after, and all that was held out; the other observables follow in their own section.
+/// The KPIs' errors before and after, and all of the held-out experiment; the other observables follow in their own section.
 fn before_after(report: &Report, verdict: &VerdictRow) -> Block {
     let mut rows = report.before_after_of(&verdict.measured);
     rows.retain(|row| words::is_kpi(&row.kpi) || report.role(row) == "held out");

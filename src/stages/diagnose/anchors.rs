@@ -70,7 +70,7 @@ impl Anchors {
 /// The runs that every diagnosis needs, known before anything is: the centre, then the anchors of every candidate.
 pub fn requests(context: &Context) -> Result<Vec<Request>, StageError> {
     let (jobs, _) = jobs(context)?;
-    let requests = jobs.iter().map(|job| requests_of(context, job)).collect::<Result<Vec<_>, _>>()?;
+    let requests = jobs.iter().map(|job| requests_of(job, context.config.study.seed)).collect::<Result<Vec<_>, _>>()?;
     Ok(requests.concat())
 }
 

@@ -1,7 +1,7 @@
-//! Before and after: the calibrated model without and with the effect, both simulated anew, against every measurement. Intervals of
-//! held-out means hold what the parameters leave open ([`super::leeway`]); fitted means the data themselves hold in place. Those of
-//! fitted scatters hold the tails of their observables. The runs before are those by which the fit was corrected at its optimum, so that
-//! errors before are too small if anything; those after are made at a place of their own.
+//! Before and after: the calibrated model without and with the effect, both simulated anew with packings that no fit and no choice
+//! has seen, against every measurement, and against the repetitions that were kept from the fits. Intervals of held-out means hold
+//! what the parameters leave open, of the held-out experiment by runs ([`super::leeway`]), of held-out repetitions by the slopes of
+//! the metamodels; fitted means the data themselves hold in place. Those of scatters hold the tails of the fitted observables.
 
 use super::Tables;
 use super::direct;
@@ -11,14 +11,15 @@ use super::joint::{Contender, Estimate, sds};
 use super::lab::Lab;
 use super::leeway::Leeway;
 use super::moments::{Batch, Moment, Statistic};
+use super::target::{Part, Target};
 use super::verdict::Case;
-use crate::config::MeasuredSummary;
+use crate::config::{Measured, MeasuredSummary};
 use crate::stages::StageError;
 use crate::stages::optima::finite;
 use crate::stats::special::{normal_quantile, student_t_quantile, trigamma};
-use crate::stats::summary::{Summary, ln_sd, summarise, welch};
+use crate::stats::summary::{Summary, ln_sd, summarise, variance_of_mean, welch};
 use crate::tables::list::{BeforeAfterRow, RecalibrationRow};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// Runs of a model.
 pub struct Runs {
@@ -26,54 +27,78 @@ pub struct Runs {
     held_out: Batch,
     /// The held-out experiment where else the parameters may be.
     leeway: Leeway,
+    /// Variance that the parameters bring to every statistic of the evidence; empty where no slopes are known.
+    open: Vec<f64>,
 }
 
 impl Runs {
-    /// What the model says of a statistic; `None` where no run has a value.
-    pub fn found(&self, case: &Case, statistic: &Statistic) -> Option<Found> {
+    /// What the model says of a statistic that was measured in that part of a data set; `None` where no run has a value.
+    pub fn found(&self, case: &Case, (statistic, part): (&Statistic, Part)) -> Option<Found> {
         let is_held_out = statistic.experiment == case.context.config.validate.experiment.name();
         let batch = if is_held_out { &self.held_out } else { &self.fitted };
         let values: Vec<f64> = batch.series(statistic)?.values().copied().collect();
-        let open = if is_held_out { self.leeway.variance(statistic) } else { Some(0.0) };
+        let open = match part {
+            _ if is_held_out => self.leeway.variance(statistic),
+            Part::Unseen => {
+                let index = case.evidence.statistics.iter().position(|known| known == statistic);
+                index.and_then(|index| self.open.get(index).copied())
+            }
+            Part::Seen => Some(0.0),
+        };
         let statistics = &case.context.config.statistics;
         Some(Found { summary: summarise(&values, statistics.confidence, statistics.convention), open })
     }
 }
 
 /// Recalibrates with the effect, simulates both models and adds the rows of `recalibration` and `before_after`.
-pub fn compare(case: &Case, lab: &mut Lab, added: Option<&Contender>, tables: &mut Tables) -> Result<(), StageError> {
+pub fn compare(
+    (case, unseen): (&Case, &Measured),
+    lab: &mut Lab,
+    added: Option<&Contender>,
+    tables: &mut Tables,
+) -> Result<(), StageError> {
     let label = |model: &str| format!("{}/{model}", case.set.name);
+    let fitted = direct::confirmation(case.context, lab, label("before confirmation"), &case.optimum, &[])?;
     let held_out = direct::held_out(case.context, lab, label("before"), &case.optimum, &[])?;
     let leeway = Leeway::simulate(case, lab, "before", (&case.optimum, &case.optimum_covariance), None)?;
-    let before = Runs { fitted: case.before.clone(), held_out, leeway };
+    let open = variances(&case.slopes.jacobian, &case.optimum_covariance);
+    let before = Runs { fitted, held_out, leeway, open };
     let sd = sds(&case.optimum_covariance);
     tables.recalibration.extend(parameter_rows(case, "before", &case.optimum, &sd, &case.at_bound));
     let found = added.map(|contender| contender.estimate(case)).transpose()?.flatten();
     let mut after = None;
     if let (Some(contender), Some(found)) = (added, found) {
         let effect = [(contender.name().to_owned(), found.strength)];
-        let fitted = direct::batch(case.context, lab, label("after"), &found.u, &effect)?;
+        let fitted = direct::confirmation(case.context, lab, label("after confirmation"), &found.u, &effect)?;
         let held_out = direct::held_out(case.context, lab, label("after"), &found.u, &effect)?;
         let x = found.u.clone().push(contender.place(found.strength));
         let leeway = Leeway::simulate(case, lab, "after", (&x, &found.covariance), Some(contender.axis()))?;
-        after = Some(Runs { fitted, held_out, leeway });
+        let open = contender.slopes(&found).map(|slopes| variances(&slopes, &found.covariance)).unwrap_or_default();
+        after = Some(Runs { fitted, held_out, leeway, open });
         tables.recalibration.extend(parameter_rows(case, "after", &found.u, &sds(&found.covariance), &found.at_bound));
         tables.recalibration.push(strength_row(case, contender, &found));
     }
     let mut rows = Vec::new();
-    for summary in case.set.statistics() {
-        let row = |moment| row(case, &summary, moment, [Some(&before), after.as_ref()]);
-        rows.extend([Moment::Mean, Moment::LnSd].map(row));
+    for (set, part) in [(case.set, Part::Seen), (unseen, Part::Unseen)] {
+        for summary in set.statistics() {
+            let row = |moment| row(case, (&summary, part), moment, [Some(&before), after.as_ref()]);
+            rows.extend([Moment::Mean, Moment::LnSd].map(row));
+        }
     }
     let verdict = tables.verdicts.iter_mut().find(|verdict| verdict.measured == case.set.name);
     if let (Some(verdict), Some(contender), Some(after)) = (verdict, added, &after) {
-        let judged = held_out::rows(case, contender.name(), [&before, after]);
+        let judged = held_out::rows((case, unseen), contender.name(), [&before, after]);
         verdict.sentence += &agreement(&rows, contender.name(), case.context.config.statistics.confidence);
         verdict.sentence += &held_out::sentence(&judged, contender.name());
         tables.held_out.extend(judged);
     }
     tables.before_after.extend(rows);
     Ok(())
+}
+
+/// Variances of what is linear in parameters of a covariance, given its slopes: the diagonal of J C Jᵀ.
+fn variances(slopes: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Vec<f64> {
+    (slopes * covariance * slopes.transpose()).diagonal().iter().copied().collect()
 }
 
 /// How many fitted means agree with the measurement once the effect is in the model.
@@ -134,28 +159,32 @@ pub struct Found {
     pub open: Option<f64>,
 }
 
-/// A statistic as it was measured, less the model's own offset, and the variance of the offset and of doubts.
-pub fn target(case: &Case, summary: &MeasuredSummary, moment: Moment) -> (MeasuredSummary, f64) {
-    let statistic = statistic(summary, moment);
-    let one = |offset: &super::Offset| offset.one(&statistic);
-    let (shift, unsure) = case.evidence.offset.as_ref().and_then(one).unwrap_or_default();
-    let doubt: f64 = case.evidence.doubts.iter().map(|doubt| doubt.shift(&statistic) * doubt.shift(&statistic)).sum();
-    (without(summary, moment, shift), unsure + doubt)
+impl Found {
+    /// Variance of the mean by the scatter of the runs, and its degrees of freedom.
+    pub fn of_mean(&self) -> (f64, f64) {
+        variance_of_mean(self.summary.sd, self.summary.n)
+    }
 }
 
-fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, models: [Option<&Runs>; 2]) -> BeforeAfterRow {
+fn row(
+    case: &Case,
+    (summary, part): (&MeasuredSummary, Part),
+    moment: Moment,
+    models: [Option<&Runs>; 2],
+) -> BeforeAfterRow {
     let statistic = statistic(summary, moment);
-    let (summary, unsure) = &target(case, summary, moment);
+    let target = &Target::new(case, (summary, part), moment);
+    let summary = &target.summary;
     let confidence = case.context.config.statistics.confidence;
-    let [before, after] = models.map(|runs| runs.and_then(|runs| runs.found(case, &statistic)));
+    let [before, after] = models.map(|runs| runs.and_then(|runs| runs.found(case, (&statistic, part))));
     let value = |found: &Option<Found>| {
         let found = &found.as_ref()?.summary;
         finite(if moment == Moment::Mean { found.mean } else { found.sd })
     };
     let spread = |n: usize| ln_sd_variance(case, &statistic, n);
     let error = |found: &Option<Found>| match found {
-        Some(found) if moment == Moment::Mean => mean_error(found, (summary, *unsure), confidence),
-        Some(found) => sd_error(&found.summary, (summary, *unsure), confidence, spread),
+        Some(found) if moment == Moment::Mean => mean_error(found, target, confidence),
+        Some(found) => sd_error(&found.summary, target, confidence, spread),
         None => ErrorPercent::default(),
     };
     let (first, second) = (error(&before), error(&after));
@@ -164,7 +193,8 @@ fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, models: [Option<&
         experiment: summary.experiment.to_owned(),
         kpi: summary.kpi.to_owned(),
         statistic: if moment == Moment::Mean { "mean" } else { "sd" }.to_owned(),
-        fitted: case.evidence.statistics.contains(&statistic),
+        fitted: part == Part::Seen && case.evidence.statistics.contains(&statistic),
+        held_out_repetitions: part == Part::Unseen,
         measured_value: if moment == Moment::Mean { summary.mean } else { summary.sd },
         before: value(&before),
         after: value(&after),
@@ -175,14 +205,6 @@ fn row(case: &Case, summary: &MeasuredSummary, moment: Moment, models: [Option<&
         after_lower_percent: second.lower,
         after_upper_percent: second.upper,
         unit: summary.unit.to_owned(),
-    }
-}
-
-/// What was measured less the model's own offset: a mean loses it, a standard deviation is divided by its exponential.
-fn without(summary: &MeasuredSummary, moment: Moment, offset: f64) -> MeasuredSummary {
-    match moment {
-        Moment::LnSd => MeasuredSummary { sd: summary.sd * libm::exp(-offset), ..summary.clone() },
-        Moment::Mean | Moment::Trend => MeasuredSummary { mean: summary.mean - offset, ..summary.clone() },
     }
 }
 
@@ -197,20 +219,21 @@ pub struct Difference {
 
 /// The simulated mean less the measured one with Welch's interval, widened by the variance of the offset and of doubts and by
 /// what the parameters bring to it.
-pub fn mean_difference(found: &Found, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> Difference {
-    let Found { summary: found, open } = found;
-    let (variance, dof) = welch(&[(found.sd, found.n as f64), (measured.sd, f64::from(measured.n))]);
-    let half = open.map(|open| student_t_quantile(0.5 + 0.5 * confidence, dof) * (variance + unsure + open).sqrt());
-    Difference { value: found.mean - measured.mean, half }
+pub fn mean_difference(found: &Found, target: &Target, confidence: f64) -> Difference {
+    let (variance, dof) = welch(&[found.of_mean(), target.of_mean]);
+    let t = student_t_quantile(0.5 + 0.5 * confidence, dof);
+    let half = found.open.map(|open| t * (variance + target.unsure + open).sqrt());
+    Difference { value: found.summary.mean - target.summary.mean, half }
 }
 
 /// Error of a mean. Where the measured mean does not stand out of the scatter, as for a left-minus-right difference, a percentage
 /// of it means nothing and is left out.
-fn mean_error(found: &Found, (measured, unsure): (&MeasuredSummary, f64), confidence: f64) -> ErrorPercent {
+fn mean_error(found: &Found, target: &Target, confidence: f64) -> ErrorPercent {
+    let measured = &target.summary;
     if measured.mean.abs() < measured.sd {
         return ErrorPercent::default();
     }
-    let Difference { value, half } = mean_difference(found, (measured, unsure), confidence);
+    let Difference { value, half } = mean_difference(found, target, confidence);
     let percent = |difference: f64| finite(100.0 * difference / measured.mean.abs());
     let limit = |sign: f64| half.and_then(|half| percent(value + sign * half));
     ErrorPercent { value: percent(value), lower: limit(-1.0), upper: limit(1.0) }
@@ -226,7 +249,7 @@ fn ln_sd_variance(case: &Case, statistic: &Statistic, n: usize) -> f64 {
 /// are `spread`, widened in the same way.
 fn sd_error(
     found: &Summary,
-    (measured, unsure): (&MeasuredSummary, f64),
+    Target { summary: measured, unsure, .. }: &Target,
     confidence: f64,
     spread: impl Fn(usize) -> f64,
 ) -> ErrorPercent {
@@ -255,6 +278,7 @@ mod tests {
             kpi: "angle_of_repose".to_owned(),
             statistic: statistic.to_owned(),
             fitted,
+            held_out_repetitions: false,
             measured_value: 30.0,
             before: None,
             after: None,

@@ -24,8 +24,8 @@ pub fn job(
     Ok(Job { label, point, experiments: context.config.experiments(), repetitions })
 }
 
-/// Runs of the fitted experiments at `u`, with `effects` switched on besides.
-pub fn batch(
+/// Runs of the fitted experiments at `u` with packings of their own, which no fit has seen.
+pub fn confirmation(
     context: &Context,
     lab: &mut Lab,
     label: String,
@@ -34,7 +34,7 @@ pub fn batch(
 ) -> Result<Batch, StageError> {
     let point = with_more(context, &point_at(context, 1, u.as_slice())?, effects);
     let repetitions = context.config.diagnose.refine_repetitions;
-    Ok(lab.run(&[Job { label, point, experiments: context.config.experiments(), repetitions }])?.remove(0))
+    Ok(lab.confirm(&[Job { label, point, experiments: context.config.experiments(), repetitions }])?.remove(0))
 }
 
 /// Runs of the held-out experiment at `x`, as [`job`].

@@ -1,14 +1,15 @@
-//! Whether the held-out experiment bears out an effect that was added.
+//! Whether the held-out experiment and held-out repetitions bear out an effect that was added.
 //!
-//! No fit saw it, so it may contradict: where the error of one of its means grows and the interval of that error does not hold
+//! No fit saw them, so they may contradict: where the error of one of its means grows and the interval of that error does not hold
 //! zero, the model without the effect is kept. Where the effect moves no mean by more than runs and measurements scatter, the
 //! held-out data cannot judge it; agreement would say nothing then.
 
-use super::before_after::{Difference, Found, Runs, mean_difference, target};
+use super::before_after::{Difference, Found, Runs, mean_difference};
 use super::evidence::statistic;
 use super::moments::Moment;
+use super::target::{Part, Target};
 use super::verdict::Case;
-use crate::config::MeasuredSummary;
+use crate::config::{Measured, MeasuredSummary};
 use crate::stages::optima::finite;
 use crate::stats::special::student_t_quantile;
 use crate::stats::summary::welch;
@@ -19,49 +20,45 @@ const WITHIN: &str = "within";
 const WORSE: &str = "worse";
 const CANNOT_JUDGE: &str = "cannot_judge";
 
-/// One row per mean of the held-out experiment that was measured, by the models without the effect and with it.
-pub fn rows(case: &Case, effect: &str, models: [&Runs; 2]) -> Vec<HeldOutRow> {
+/// One row per mean that was measured and that no fit saw, by the models without the effect and with it.
+pub fn rows((case, unseen): (&Case, &Measured), effect: &str, models: [&Runs; 2]) -> Vec<HeldOutRow> {
     let held_out = case.context.config.validate.experiment.name();
-    let summaries = case.set.statistics().into_iter().filter(|summary| summary.experiment == held_out);
-    let summaries: Vec<MeasuredSummary> = summaries.collect();
+    let of_experiment = case.set.statistics().into_iter().filter(|summary| summary.experiment == held_out);
+    let repetitions = unseen.statistics().into_iter().map(|summary| (summary, Part::Unseen));
+    let summaries: Vec<(MeasuredSummary, Part)> =
+        of_experiment.map(|summary| (summary, Part::Seen)).chain(repetitions).collect();
     // Any one of them may contradict, so the level is shared out among them (Bonferroni).
     let level = 1.0 - (1.0 - case.context.config.statistics.confidence) / summaries.len().max(1) as f64;
-    let row = |summary: &MeasuredSummary| {
-        let found = models.map(|runs| runs.found(case, &statistic(summary, Moment::Mean)));
-        let (target, unsure) = target(case, summary, Moment::Mean);
-        row((&case.set.name, effect), (&target, unsure), &found, level)
+    let row = |(summary, part): &(MeasuredSummary, Part)| {
+        let found = models.map(|runs| runs.found(case, (&statistic(summary, Moment::Mean), *part)));
+        row((&case.set.name, effect), &Target::new(case, (summary, *part), Moment::Mean), &found, level)
     };
     summaries.iter().map(row).collect()
 }
 
-fn row(
-    (measured, effect): (&str, &str),
-    (target, unsure): (&MeasuredSummary, f64),
-    found: &[Option<Found>; 2],
-    level: f64,
-) -> HeldOutRow {
-    let [before, after] = found.each_ref().map(|found| Some(mean_difference(found.as_ref()?, (target, unsure), level)));
+fn row((measured, effect): (&str, &str), target: &Target, found: &[Option<Found>; 2], level: f64) -> HeldOutRow {
+    let [before, after] = found.each_ref().map(|found| Some(mean_difference(found.as_ref()?, target, level)));
     let change = before.zip(after).map(|(before, after)| after.value - before.value);
     let noise = noise(target, found, level);
     HeldOutRow {
         measured: measured.to_owned(),
         effect: effect.to_owned(),
-        experiment: target.experiment.to_owned(),
-        kpi: target.kpi.to_owned(),
+        experiment: target.summary.experiment.to_owned(),
+        kpi: target.summary.kpi.to_owned(),
         before_error: before.map(|error| error.value),
         after_error: after.map(|error| error.value),
         after_half_width: after.and_then(|error| error.half).and_then(finite),
         change,
         noise,
         judgement: judgement(change.zip(noise), before.zip(after)).to_owned(),
-        unit: target.unit.to_owned(),
+        unit: target.summary.unit.to_owned(),
     }
 }
 
 /// The change that the scatter of the runs of both models and of the measurement would hide.
-fn noise(target: &MeasuredSummary, found: &[Option<Found>; 2], level: f64) -> Option<f64> {
-    let [before, after] = found.each_ref().map(|found| found.as_ref().map(|f| (f.summary.sd, f.summary.n as f64)));
-    let (variance, dof) = welch(&[before?, after?, (target.sd, f64::from(target.n))]);
+fn noise(target: &Target, found: &[Option<Found>; 2], level: f64) -> Option<f64> {
+    let [before, after] = found.each_ref().map(|found| found.as_ref().map(Found::of_mean));
+    let (variance, dof) = welch(&[before?, after?, target.of_mean]);
     finite(student_t_quantile(0.5 + 0.5 * level, dof) * variance.sqrt())
 }
 
@@ -100,6 +97,7 @@ pub fn sentence(rows: &[HeldOutRow], effect: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stages::diagnose::target::own;
 
     fn of(change: f64, before: f64, half: Option<f64>) -> &'static str {
         let error = |value: f64| Difference { value, half };
@@ -153,16 +151,17 @@ mod tests {
     #[test]
     fn noise_is_that_of_both_models_and_of_the_measurement() {
         let found = |mean: f64| Some(Found { summary: summarise_of(mean), open: Some(0.0) });
-        let target =
+        let summary =
             MeasuredSummary { experiment: "hopper", kpi: "discharge_rate", unit: "kg/s", mean: 3.1, sd: 0.2, n: 16 };
-        let row = super::row(("blind", "tilt"), (&target, 0.0), &[found(2.0), found(3.0)], 0.95);
+        let target = Target { of_mean: own(&summary), summary, unsure: 0.0 };
+        let row = super::row(("blind", "tilt"), &target, &[found(2.0), found(3.0)], 0.95);
         let dof = 0.0075f64.powi(2) / (2.0 * 0.0025f64.powi(2) / 3.0 + 0.0025f64.powi(2) / 15.0);
         let expected = student_t_quantile(0.975, dof) * 0.0075f64.sqrt();
         assert!((row.noise.expect("a noise") - expected).abs() < 1e-12, "{row:?}");
         let is = |value: Option<f64>, expected: f64| value.is_some_and(|value| (value - expected).abs() < 1e-12);
         assert!(is(row.change, 1.0) && is(row.before_error, -1.1) && is(row.after_error, -0.1), "{row:?}");
         assert_eq!(row.judgement, BETTER);
-        let clogged = super::row(("blind", "tilt"), (&target, 0.0), &[found(2.0), None], 0.95);
+        let clogged = super::row(("blind", "tilt"), &target, &[found(2.0), None], 0.95);
         assert_eq!((clogged.change, clogged.judgement.as_str()), (None, CANNOT_JUDGE), "a row all the same");
     }
 

@@ -335,6 +335,12 @@ impl Contender {
         Ok(Some(Estimate { u: DVector::from_column_slice(u), strength, covariance, at_bound }))
     }
 
+    /// Slopes of the statistics over the parameters and the strength at an estimate (m × (p + 1)); `None` without a model.
+    pub fn slopes(&self, found: &Estimate) -> Option<DMatrix<f64>> {
+        let x = found.u.clone().push(self.place(found.strength));
+        Some(self.surface.as_ref().ok()?.predict(&x).1)
+    }
+
     /// The place of a strength in its range.
     pub fn place(&self, strength: f64) -> f64 {
         place_of(self.effect.range(), strength)

@@ -43,11 +43,21 @@ impl<'a> Lab<'a> {
     /// # Errors
     /// Runs that cannot be made or read.
     pub fn run(&mut self, jobs: &[Job]) -> Result<Vec<Batch>, StageError> {
+        self.run_from(jobs, self.context.config.study.seed)
+    }
+
+    /// The same with packings of their own, of which no fit and no choice can know: seeds come from another base seed.
+    ///
+    /// # Errors
+    /// Runs that cannot be made or read.
+    pub fn confirm(&mut self, jobs: &[Job]) -> Result<Vec<Batch>, StageError> {
+        self.run_from(jobs, self.context.seed("confirmation"))
+    }
+
+    fn run_from(&mut self, jobs: &[Job], base_seed: u64) -> Result<Vec<Batch>, StageError> {
         let mut requests = Vec::new();
-        let mut ends = Vec::new();
         for job in jobs {
-            requests.extend(requests_of(self.context, job)?);
-            ends.push(requests.len());
+            requests.extend(requests_of(job, base_seed)?);
         }
         let runs = self.context.campaign.simulate(&requests)?;
         let kpis = self.context.campaign.measure(&requests, &runs)?;
@@ -102,13 +112,13 @@ fn point_rows(config: &Config, job: &Job) -> Result<Vec<PointRow>, StageError> {
     Ok(rows)
 }
 
-/// The runs of a job.
-pub fn requests_of(context: &Context, job: &Job) -> Result<Vec<Request>, StageError> {
+/// The runs of a job, with seeds from a base seed.
+pub fn requests_of(job: &Job, base_seed: u64) -> Result<Vec<Request>, StageError> {
     let point = Arc::new(job.point.clone());
     let mut requests = Vec::new();
     for experiment in &job.experiments {
         let range = 1..=job.repetitions;
-        requests.extend(Request::batch(&job.label, *experiment, &point, range, context.config.study.seed)?);
+        requests.extend(Request::batch(&job.label, *experiment, &point, range, base_seed)?);
     }
     Ok(requests)
 }

@@ -28,6 +28,7 @@ mod panel;
 mod proposals;
 mod rows;
 mod scatter;
+mod target;
 mod verdict;
 
 pub use panel::{Panel, PanelRows};
@@ -50,7 +51,7 @@ use verdict::{Prepared, prepare};
 /// The stage.
 pub const STAGE: Stage = Stage {
     name: "diagnose",
-    version: 36,
+    version: 37,
     purpose: "name the effect the model lacks, add it, compare before and after",
     reads: &[SampleRow::SPEC, AggregateRow::SPEC, HyperparameterRow::SPEC],
     writes: &[
@@ -102,6 +103,24 @@ fn settings(config: &Config) -> SettingsText {
     settings
 }
 
+/// A data set as the fits see it, and the repetitions that are kept from them.
+struct Split {
+    seen: Measured,
+    unseen: Measured,
+}
+
+/// The data sets; those to be diagnosed less the repetitions that are held out.
+fn splits(context: &Context) -> Vec<Split> {
+    let experiments: Vec<&str> = context.config.experiments().iter().map(|experiment| experiment.name()).collect();
+    let is_diagnosed = |set: &Measured| context.config.diagnose.measured.contains(&set.name);
+    let split = |set: &Measured| {
+        let share = if is_diagnosed(set) { context.config.diagnose.held_out_share } else { 0.0 };
+        let (seen, unseen) = set.hold_out(share, &experiments);
+        Split { seen, unseen }
+    };
+    context.measured.iter().map(split).collect()
+}
+
 /// Rows of all tables of this stage but the runs.
 #[derive(Default)]
 struct Tables {
@@ -123,20 +142,21 @@ fn run(context: &Context) -> Result<Outputs, StageError> {
     let mut tables = Tables::default();
     let mut ready: BTreeMap<&str, Prepared> = BTreeMap::new();
     let mut controls: BTreeMap<&str, Control> = BTreeMap::new();
-    for set in controlling(context) {
+    let sets = splits(context);
+    for Split { seen: set, .. } in controlling(context, &sets) {
         let prepared = prepare(context, &models, &anchors, &mut lab, set, None)?;
         if let Ok((case, _)) = &prepared {
             controls.insert(&set.name, Control::new(case, &mut lab)?);
         }
         ready.insert(&set.name, prepared);
     }
-    for set in diagnosed(context) {
+    for Split { seen: set, unseen } in diagnosed(context, &sets) {
         let prepared = match (ready.remove(&*set.name), offset(context, set, &controls)) {
             (Some(prepared), _) => prepared,
             (None, Ok(offset)) => prepare(context, &models, &anchors, &mut lab, set, offset.as_ref())?,
             (None, Err(why)) => Err(why),
         };
-        verdict::diagnose(&models, &anchors, &mut lab, (set, prepared), &mut tables)?;
+        verdict::diagnose(&models, &anchors, &mut lab, ((set, unseen), prepared), &mut tables)?;
     }
     let mut outputs = Outputs::default();
     outputs.table(lab.points)?;
@@ -166,9 +186,9 @@ fn controls_of<'a>(context: &Context<'a>, set: &Measured) -> &'a [String] {
 }
 
 /// The sets that are controls of one to be diagnosed.
-fn controlling<'a>(context: &Context<'a>) -> impl Iterator<Item = &'a Measured> {
-    let wanted: Vec<&String> = diagnosed(context).flat_map(|set| controls_of(context, set)).collect();
-    context.measured.iter().filter(move |set| wanted.contains(&&set.name))
+fn controlling<'s>(context: &Context<'s>, sets: &'s [Split]) -> impl Iterator<Item = &'s Split> {
+    let wanted: Vec<&String> = diagnosed(context, sets).flat_map(|set| controls_of(context, &set.seen)).collect();
+    sets.iter().filter(move |set| wanted.contains(&&set.seen.name))
 }
 
 /// What the controls of a set say; the error names a control that says nothing.
@@ -180,7 +200,7 @@ fn offset(context: &Context, set: &Measured, seen: &BTreeMap<&str, Control>) -> 
     Ok(Offset::of(&controls))
 }
 
-fn diagnosed<'a>(context: &Context<'a>) -> impl Iterator<Item = &'a Measured> {
+fn diagnosed<'s>(context: &Context<'s>, sets: &'s [Split]) -> impl Iterator<Item = &'s Split> {
     let wanted = &context.config.diagnose.measured;
-    context.measured.iter().filter(move |set| wanted.contains(&set.name))
+    sets.iter().filter(move |set| wanted.contains(&set.seen.name))
 }

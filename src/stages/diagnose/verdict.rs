@@ -72,12 +72,12 @@ pub struct Examined<'a> {
 /// A fitted data set with the metamodels it was fitted by, or why there can be no comparison.
 pub type Prepared<'a> = Result<(Case<'a>, Surface), String>;
 
-/// Diagnoses one data set and adds its rows.
+/// Diagnoses one data set and adds its rows; what of it no fit has seen enters the comparison before and after alone.
 pub fn diagnose(
     models: &Models,
     anchors: &Anchors,
     lab: &mut Lab,
-    (set, prepared): (&Measured, Prepared),
+    ((set, unseen), prepared): ((&Measured, &Measured), Prepared),
     tables: &mut Tables,
 ) -> Result<(), StageError> {
     let prepared = match prepared {
@@ -98,7 +98,7 @@ pub fn diagnose(
     }
     rows::write(&case, &contenders, &candidates, &attribution, tables);
     let added = accepted.and_then(|name| contenders.iter().find(|contender| contender.name() == name));
-    before_after::compare(&case, lab, added, tables)
+    before_after::compare((&case, unseen), lab, added, tables)
 }
 
 /// Runs the candidates of a fitted data set and attributes its residual.

@@ -681,6 +681,7 @@ fn before_after(
         kpi: kpi.into(),
         statistic: statistic.into(),
         fitted,
+        held_out_repetitions: false,
         measured_value: value,
         before: some(value * (1.0 + before / 100.0)),
         after: some(value * (1.0 + after / 100.0)),
