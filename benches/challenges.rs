@@ -277,6 +277,8 @@ impl Hidden<'_> {
             .map_err(|e| e.to_string())?;
         let effect = self.effect.map(|(name, strength)| (name.to_owned(), strength));
         let declaration = Declaration { effect, foreign: false, parameters: BTreeMap::default() };
+        let by_fits = judged.iter().flatten().filter(|(verdict, ..)| verdict.advice.contains(BY_FITS)).count();
+        eprintln!("  {by_fits} of {} sets, n = {}, {}: {BY_FITS}", sets.len(), cell.count, cell.evidence);
         let mut tally = Tally::new(&first);
         for (verdict, attribution, confusion) in judged.into_iter().flatten() {
             tally.add(&score(&declaration, &Solution { verdict, attribution, confusion }));
@@ -284,6 +286,9 @@ impl Hidden<'_> {
         Ok(tally)
     }
 }
+
+/// What the advice says where a parameter lies on its bound.
+const BY_FITS: &str = "the fits of the models with each effect decide";
 
 /// The verdict that nothing is seen.
 const QUIET: &str = "no_detectable_discrepancy";
