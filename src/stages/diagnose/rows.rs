@@ -283,6 +283,11 @@ fn advice(case: &Case, attribution: &Attribution) -> String {
         Verdict::Class { measure: None, .. } => {
             "measure more observables of the same tests, or add repetitions, to separate the class".to_owned()
         }
+        Verdict::Pair(first, second) => format!(
+            "no model is fitted with both: put {} = {:.3} under [effects.active], and the diagnosis may name {} beside it and \
+             add that",
+            first.name, first.strength, second.name
+        ),
         Verdict::NoneOfTheCandidates => {
             "name more candidates, or look at the observables that carry the residual".to_owned()
         }
