@@ -326,7 +326,10 @@ fn an_effect_is_added_as_the_study_accepts_it() {
     let said = " The held-out data cannot judge size_distribution.";
     assert!(verdicts[0].sentence.ends_with(said), "{}", verdicts[0].sentence);
     study.edit("pipeline.toml", "accept = \"size_distribution\"", "accept = \"none\"");
+    study.edit("pipeline.toml", "[diagnose]", "[diagnose]\nheld_out_share = 0.2");
     study.succeed(&["repro"]);
+    let verdicts: Vec<VerdictRow> = study.table();
+    assert!(verdicts[0].advice.contains("no repetitions are held out"), "{}", verdicts[0].advice);
     assert_eq!(models(), plain);
     let judged: Vec<HeldOutRow> = study.table();
     assert!(judged.is_empty(), "{judged:?}");

@@ -85,7 +85,12 @@ pub fn compare(
             rows.extend([Moment::Mean, Moment::LnSd].map(row));
         }
     }
-    let verdict = tables.verdicts.iter_mut().find(|verdict| verdict.measured == case.set.name);
+    let mut verdict = tables.verdicts.iter_mut().find(|verdict| verdict.measured == case.set.name);
+    let none_left = unseen.values.is_empty() && case.context.config.diagnose.held_out_share > 0.0;
+    if let Some(verdict) = verdict.as_mut().filter(|_| none_left) {
+        let pause = if verdict.advice.is_empty() { "" } else { "; " };
+        verdict.advice += &format!("{pause}{NOTHING_HELD_OUT}");
+    }
     if let (Some(verdict), Some(contender), Some(after)) = (verdict, added, &after) {
         let judged = held_out::rows((case, unseen), contender.name(), [&before, after]);
         verdict.sentence += &agreement(&rows, contender.name(), case.context.config.statistics.confidence);
@@ -95,6 +100,10 @@ pub fn compare(
     tables.before_after.extend(rows);
     Ok(())
 }
+
+/// Said where a share of the repetitions should be held out but none can be.
+const NOTHING_HELD_OUT: &str = "no repetitions are held out: an observable needs two single values that are and two that are not, so \
+    measure more often, or raise [diagnose] held_out_share";
 
 /// Variances of what is linear in parameters of a covariance, given its slopes: the diagonal of J C Jᵀ.
 fn variances(slopes: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Vec<f64> {
