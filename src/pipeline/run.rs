@@ -77,6 +77,10 @@ pub fn repro(
 ) -> Result<Vec<Warning>, PipelineError> {
     let mut lock = study.lock()?;
     let mut driver: Option<Driver> = None;
+    if study.lock_path().exists() && !lock.is_as_written(study.lock_path())? {
+        driver = Some(Driver::open(study, request.options)?);
+        recount(study, &mut lock)?;
+    }
     for stage in selection(request.target) {
         if (stage.skipped)(&study.config).is_some() {
             forget(study, &mut lock, stage)?;
@@ -109,6 +113,21 @@ pub fn repro(
     }
 }
 
+/// Mends a lock that is not as it was written. What stages read and wrote shows by digests and sizes when they are assessed;
+/// rows are counted here.
+fn recount(study: &Study, lock: &mut Lock) -> Result<(), PipelineError> {
+    for (path, output) in lock.stages.values_mut().flat_map(|stage| &mut stage.outputs) {
+        output.rows = rows_of(study, path).or(output.rows);
+    }
+    Ok(lock.write(study.lock_path())?)
+}
+
+/// Rows of an output that is a table.
+fn rows_of(study: &Study, path: &str) -> Option<u64> {
+    let table = path.ends_with(".parquet");
+    table.then(|| rows_in_file(&study.store().root().join(path)).ok()).flatten()
+}
+
 /// Takes a stage that is skipped out of the lock, and its outputs with it.
 fn forget(study: &Study, lock: &mut Lock, stage: &Stage) -> Result<(), PipelineError> {
     let Some(locked) = lock.stages.remove(stage.name) else { return Ok(()) };
@@ -128,9 +147,7 @@ fn has_failed_runs(study: &Study, stage: &Stage) -> Result<bool, PipelineError> 
 
 fn publish(study: &Study, path: &str, bytes: &[u8]) -> Result<Output, PipelineError> {
     let output = study.store().publish(path, bytes)?;
-    let table = path.ends_with(".parquet");
-    let rows = table.then(|| rows_in_file(&study.store().root().join(path)).ok()).flatten();
-    Ok(Output { rows, ..output })
+    Ok(Output { rows: rows_of(study, path), ..output })
 }
 
 /// What a stage wrote when it last ran: a part is in place if `locked` lists it, and it is there. The recipe of all parts

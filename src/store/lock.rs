@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// Version of the file format.
 const VERSION: u32 = 1;
-const HEAD: &str = "# Written by granulake; commit it beside the study. It names what every stage read and wrote.\n\n";
+const HEAD: &str = "# Written by granulake; commit it beside the study. It names what every stage read and wrote.\n";
 
 /// The content of a lock file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -124,13 +124,23 @@ impl Lock {
         Ok(Self { stages: file.stage })
     }
 
-    /// The text of the lock file: sorted, the same for the same content.
+    /// The text of the lock file: sorted, the same for the same content, with the digest of what follows at its head.
     ///
     /// # Errors
     /// What the writer said.
     pub fn to_text(&self) -> Result<String, String> {
         let file = File { version: VERSION, stage: self.stages.clone() };
-        Ok(HEAD.to_owned() + &toml::to_string(&file).map_err(|e| e.to_string())?)
+        let body = toml::to_string(&file).map_err(|e| e.to_string())?;
+        Ok(format!("{HEAD}# blake3 of what follows: {}\n\n{body}", Digest::of_content(body.as_bytes())))
+    }
+
+    /// Whether the file at `path`, from which this was read, is as it was written: not damaged, merged or edited since.
+    ///
+    /// # Errors
+    /// [`StoreError::BadLock`].
+    pub fn is_as_written(&self, path: &Path) -> Result<bool, StoreError> {
+        let text = self.text_for(path)?;
+        Ok(std::fs::read(path).is_ok_and(|found| found == text.as_bytes()))
     }
 
     /// Publishes the lock file; one that says the same already is left alone.
@@ -138,11 +148,14 @@ impl Lock {
     /// # Errors
     /// [`StoreError::Io`] or [`StoreError::BadLock`].
     pub fn write(&self, path: &Path) -> Result<(), StoreError> {
-        let text = self.to_text().map_err(|detail| StoreError::BadLock { path: path.to_owned(), detail })?;
-        if std::fs::read(path).is_ok_and(|found| found == text.as_bytes()) {
+        if self.is_as_written(path)? {
             return Ok(());
         }
-        atomic::publish(path, text.as_bytes())
+        atomic::publish(path, self.text_for(path)?.as_bytes())
+    }
+
+    fn text_for(&self, path: &Path) -> Result<String, StoreError> {
+        self.to_text().map_err(|detail| StoreError::BadLock { path: path.to_owned(), detail })
     }
 
     /// Every output of every stage: stage, path relative to the artifacts directory, output.

@@ -145,6 +145,18 @@ fn a_damaged_lock_is_refused_or_healed() {
     assert!(refused > 2, "{refused} of 24 damaged locks were refused");
 }
 
+/// Neither decides whether a stage is fresh: the number of rows of a table, which people read, and the comment at the head.
+#[test]
+fn what_no_stage_asks_of_a_lock_is_mended_too() {
+    let (study, undisturbed) = finished();
+    for (from, to) in [("rows = ", "rows = 9"), ("# Written by", "# Written for")] {
+        let lock = fs::read_to_string(study.path("pipeline.lock")).expect("a lock");
+        study.write("pipeline.lock", &lock.replacen(from, to, 1));
+        study.succeed(&["repro"]);
+        study.assert_outputs(&undisturbed, from);
+    }
+}
+
 #[test]
 fn journals_of_killed_processes_are_checked_too() {
     let (_, undisturbed) = finished();
