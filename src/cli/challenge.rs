@@ -307,21 +307,24 @@ fn rates(opened: &[Opened]) -> Vec<String> {
 }
 
 /// Errors before and after an effect was added, of the observables that have both: how many of those with an interval have
-/// zero in it, and how many have none.
+/// zero in it, and how many have none; their size in percent where that means something.
 fn errors<'r>(what: &str, rows: impl Iterator<Item = &'r BeforeAfterRow>) -> [Option<String>; 2] {
     let has_zero = |lower: Option<f64>, upper: Option<f64>| lower.zip(upper).map(|(l, u)| l <= 0.0 && 0.0 <= u);
     let both = |row: &BeforeAfterRow| {
-        let before = (row.before_error_percent?, has_zero(row.before_lower_percent, row.before_upper_percent));
-        let after = (row.after_error_percent?, has_zero(row.after_lower_percent, row.after_upper_percent));
+        row.before_error.zip(row.after_error)?;
+        let before = (row.before_error_percent, has_zero(row.before_lower, row.before_upper));
+        let after = (row.after_error_percent, has_zero(row.after_lower, row.after_upper));
         Some((before, after))
     };
     let (before, after): (Vec<_>, Vec<_>) = rows.filter_map(both).unzip();
     [("before", before), ("after", after)].map(|(when, errors)| {
-        let (values, zero): (Vec<f64>, Vec<Option<bool>>) = errors.into_iter().unzip();
-        let mut what = format!(
-            "errors of {what} with zero in their interval {when} an effect was added, {:.1} % (root mean square)",
-            rms(&values)
-        );
+        let (percents, zero): (Vec<Option<f64>>, Vec<Option<bool>>) = errors.into_iter().unzip();
+        let sizes: Vec<f64> = percents.iter().copied().flatten().collect();
+        let mut what = format!("errors of {what} with zero in their interval {when} an effect was added");
+        if !sizes.is_empty() {
+            let some = if sizes.len() < percents.len() { format!(" of {}", sizes.len()) } else { String::new() };
+            what += &format!(", {:.1} % (root mean square{some})", rms(&sizes));
+        }
         let open = zero.iter().filter(|zero| zero.is_none()).count();
         if open > 0 {
             what += &format!(", {open} more without an interval");
@@ -359,6 +362,12 @@ mod tests {
             measured_value: 30.0,
             before: Some(30.0 + 0.3 * before),
             after: after.map(|after| 30.0 + 0.3 * after),
+            before_error: Some(0.3 * before),
+            before_lower: Some(0.3 * (before - 2.0)),
+            before_upper: Some(0.3 * (before + 2.0)),
+            after_error: after.map(|after| 0.3 * after),
+            after_lower: after.map(|after| 0.3 * (after - 2.0)),
+            after_upper: after.map(|after| 0.3 * (after + 2.0)),
             before_error_percent: Some(before),
             before_lower_percent: Some(before - 2.0),
             before_upper_percent: Some(before + 2.0),
@@ -374,11 +383,17 @@ mod tests {
         assert_eq!(errors("fitted means", rows[2..].iter()), [None, None]);
 
         // The second has no interval afterwards: neither a hit nor a miss, and its error still counts.
-        rows[1].after_lower_percent = None;
+        rows[1].after_lower = None;
         let [before, after] = errors("fitted means", rows.iter()).map(Option::unwrap);
         assert!(before.starts_with("0 of 2 ") && !before.contains("without"), "{before}");
         assert!(after.starts_with("1 of 1 ") && after.contains(" 1.9 % (root mean square), 1 more without"), "{after}");
         let [_, after] = errors("fitted means", rows[1..].iter()).map(Option::unwrap);
         assert!(after.starts_with("0 of 0 ") && after.contains("1 more without an interval"), "{after}");
+
+        // A mean near zero counts by its interval, and has no percentage.
+        (rows[0].before_error_percent, rows[0].after_error_percent) = (None, None);
+        let [before, after] = errors("fitted means", rows.iter()).map(Option::unwrap);
+        assert!(before.starts_with("0 of 2 ") && before.contains(" 6.0 % (root mean square of 1)"), "{before}");
+        assert!(after.starts_with("1 of 1 ") && after.contains(" 2.5 % (root mean square of 1)"), "{after}");
     }
 }

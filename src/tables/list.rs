@@ -811,7 +811,7 @@ table! {
     /// Error of every statistic before and after the effect was added, from DEM runs with packings that no fit saw. The intervals
     /// of held-out means hold what the data leave open in the parameters, those of standard deviations the tails of the fitted
     /// observables.
-    pub struct BeforeAfterRow in "before_after" version 2 sorted by (measured, kpi, statistic, held_out_repetitions) {
+    pub struct BeforeAfterRow in "before_after" version 3 sorted by (measured, kpi, statistic, held_out_repetitions) {
         /// Measured data set.
         measured: String ["1"],
         /// Experiment.
@@ -831,12 +831,24 @@ table! {
         /// Simulated value after.
         after: Option<f64> ["see unit"],
         /// Error before.
+        before_error: Option<f64> ["see unit"],
+        /// Lower limit of its confidence interval.
+        before_lower: Option<f64> ["see unit"],
+        /// Upper limit of its confidence interval.
+        before_upper: Option<f64> ["see unit"],
+        /// Error after.
+        after_error: Option<f64> ["see unit"],
+        /// Lower limit of its confidence interval.
+        after_lower: Option<f64> ["see unit"],
+        /// Upper limit of its confidence interval.
+        after_upper: Option<f64> ["see unit"],
+        /// Error before over the measured value; none where a measured mean is smaller than the scatter about it.
         before_error_percent: Option<f64> ["%"],
         /// Lower limit of its confidence interval.
         before_lower_percent: Option<f64> ["%"],
         /// Upper limit of its confidence interval.
         before_upper_percent: Option<f64> ["%"],
-        /// Error after.
+        /// Error after over the measured value; none where a measured mean is smaller than the scatter about it.
         after_error_percent: Option<f64> ["%"],
         /// Lower limit of its confidence interval.
         after_lower_percent: Option<f64> ["%"],

@@ -262,19 +262,20 @@ fn strength_is_recovered(study: &Study, name: &str, effect: &str, strength: f64)
     assert_eq!((row.value, row.standard_error), (named.strength, named.strength_sd), "{name}: {effect}");
 }
 
-/// The mean square of the errors of the fitted means, each over the half width of its interval, shrinks by half or more.
+/// Every fitted mean has an error and an interval before and after. The mean square of the errors, each over the half width of its
+/// interval, shrinks by half or more.
 fn errors_shrink(study: &Study, name: &str) {
     let rows: Vec<BeforeAfterRow> = study.table();
     let (mut before, mut after, mut count) = (0.0, 0.0, 0);
     for row in rows.iter().filter(|row| row.measured == name && row.fitted && row.statistic == "mean") {
-        let known = (row.before_error_percent, row.after_error_percent, row.before_lower_percent);
-        let (Some(old), Some(new), Some(lower)) = known else { continue };
+        let known = (row.before_error, row.after_error, row.before_lower);
+        let (Some(old), Some(new), Some(lower)) = known else { panic!("{row:?}") };
         let width = old - lower;
         before += old * old / (width * width);
         after += new * new / (width * width);
         count += 1;
     }
-    assert!(count >= 6, "{name}: only {count} fitted means have an error");
+    assert!(count >= 6, "{name}: only {count} fitted means");
     assert!(after < 0.5 * before, "{name}: {after} after, {before} before, over {count} means");
 }
 

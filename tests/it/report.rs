@@ -369,12 +369,26 @@ fn an_optimum_at_a_design_point_is_called_no_test() {
     holds(&markdown(&report), said);
 }
 
+/// An error of a mean near zero is shown in its own unit.
+#[test]
+fn an_error_without_a_percentage_is_shown_in_its_unit() {
+    let mut report = full();
+    let row = &mut report.before_after[0];
+    (row.before_error_percent, row.before_lower_percent, row.before_upper_percent) = (None, None, None);
+    (row.before_error, row.before_lower, row.before_upper) = (Some(-0.456), Some(-1.23), Some(0.318));
+    row.unit = "deg".to_string();
+    for text in [visible(&html(&report)), markdown(&report)] {
+        let rest = text.split_once("-0.46 [-1.23, 0.32]").expect("the error in its unit").1;
+        assert!(rest.split_once("no percentage so near zero").is_some_and(|(unit, _)| unit.contains('°')), "{rest}");
+    }
+}
+
 #[test]
 fn without_an_effect_there_is_no_after() {
     let mut report = full();
     for row in &mut report.before_after {
-        (row.after, row.after_error_percent, row.after_lower_percent, row.after_upper_percent) =
-            (None, None, None, None);
+        (row.after, row.after_error, row.after_lower, row.after_upper) = (None, None, None, None);
+        (row.after_error_percent, row.after_lower_percent, row.after_upper_percent) = (None, None, None);
     }
     report.recalibration.retain(|row| row.model == "before");
     assert!(!summary(&report).contains('→'), "{}", summary(&report));

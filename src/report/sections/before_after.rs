@@ -4,7 +4,7 @@ use crate::tables::{BeforeAfterRow, RecalibrationRow};
 
 use super::super::charts::{Mark, Row, RowChart};
 use super::super::document::{Block, Cell, Figure, Section, Table, Tone, cell, optional, text};
-use super::super::numbers::{plus_minus, significant};
+use super::super::numbers::{plus_minus, significant, with_interval};
 use super::super::{Report, words};
 use super::verdict::{error, is_switched};
 use super::{distinct, interval, not_run, per_data_set, ranked};
@@ -74,7 +74,11 @@ fn chart_row(report: &Report, row: &BeforeAfterRow) -> Row {
             role => words::title(role),
         },
         label: words::title(&row.kpi),
-        note: if before.is_none() && after.is_none() { "not simulated".to_string() } else { String::new() },
+        note: match (before.is_none() && after.is_none(), row.before_error.is_some()) {
+            (true, true) => NEAR_ZERO.to_string(),
+            (true, false) => "not simulated".to_string(),
+            (false, _) => String::new(),
+        },
         marks: before.into_iter().chain(after).collect(),
     }
 }
@@ -95,10 +99,6 @@ fn table(report: &Report, rows: &[&BeforeAfterRow]) -> Block {
 
 fn row(report: &Report, row: &BeforeAfterRow, switched: bool) -> Vec<Cell> {
     let value = |value| optional(value, |value| significant(value, 4), "not simulated");
-    // A value without an error is one whose measured mean is too near zero for a percentage.
-    let reason = |value: Option<f64>| if value.is_some() { "no percentage so near zero" } else { "not simulated" };
-    let before = (row.before_error_percent, row.before_lower_percent, row.before_upper_percent);
-    let after = (row.after_error_percent, row.after_lower_percent, row.after_upper_percent);
     let head = [
         cell(words::title(&row.kpi)),
         cell(words::statistic(&row.statistic)),
@@ -107,10 +107,41 @@ fn row(report: &Report, row: &BeforeAfterRow, switched: bool) -> Vec<Cell> {
         value(row.before),
     ];
     let unit = cell(words::unit(&row.unit));
-    let before = error(before.0, before.1, before.2, reason(row.before));
-    let after_error = error(after.0, after.1, after.2, reason(row.after));
+    let [before, after] = errors(row);
     let cells = head.into_iter().chain(switched.then(|| value(row.after))).chain([unit, before]);
-    cells.chain(switched.then_some(after_error)).collect()
+    cells.chain(switched.then_some(after)).collect()
+}
+
+/// Said where an error is given in the unit of the observable.
+const NEAR_ZERO: &str = "no percentage so near zero";
+
+/// Errors before and after, in percent where that means something.
+fn errors(row: &BeforeAfterRow) -> [Cell; 2] {
+    let one = |percent: [Option<f64>; 3], [value, lower, upper]: [Option<f64>; 3], simulated: Option<f64>| match value {
+        Some(value) if percent[0].is_none() && value.is_finite() => {
+            let text = match interval(lower, upper) {
+                Some((lower, upper)) => with_interval(value, lower, upper),
+                None => significant(value, 3),
+            };
+            cell(words::with_unit(&text, &row.unit)).with_note(NEAR_ZERO)
+        }
+        _ => {
+            let reason = if simulated.is_some() { "no scatter to compare" } else { "not simulated" };
+            error(percent[0], percent[1], percent[2], reason)
+        }
+    };
+    [
+        one(
+            [row.before_error_percent, row.before_lower_percent, row.before_upper_percent],
+            [row.before_error, row.before_lower, row.before_upper],
+            row.before,
+        ),
+        one(
+            [row.after_error_percent, row.after_lower_percent, row.after_upper_percent],
+            [row.after_error, row.after_lower, row.after_upper],
+            row.after,
+        ),
+    ]
 }
 
 fn parameters(report: &Report, measured: &str) -> Option<Block> {

@@ -113,8 +113,7 @@ fn variances(slopes: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Vec<f64> {
 /// How many fitted means agree with the measurement once the effect is in the model.
 fn agreement(rows: &[BeforeAfterRow], effect: &str, confidence: f64) -> String {
     let limits = rows.iter().filter(|row| row.fitted && row.statistic == "mean");
-    let limits: Vec<(f64, f64)> =
-        limits.filter_map(|row| row.after_lower_percent.zip(row.after_upper_percent)).collect();
+    let limits: Vec<(f64, f64)> = limits.filter_map(|row| row.after_lower.zip(row.after_upper)).collect();
     let agree = limits.iter().filter(|(lower, upper)| *lower <= 0.0 && 0.0 <= *upper).count();
     let (all, level) = (limits.len(), (1e4 * confidence).round() / 100.0);
     format!(
@@ -152,12 +151,20 @@ fn strength_row(case: &Case, contender: &Contender, found: &Estimate) -> Recalib
     }
 }
 
-/// An error in percent with its interval.
-#[derive(Default)]
-struct ErrorPercent {
+/// An error with its interval.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Error {
     value: Option<f64>,
     lower: Option<f64>,
     upper: Option<f64>,
+}
+
+impl Error {
+    /// In percent of a value; of none there is none.
+    fn percent_of(self, value: Option<f64>) -> Self {
+        let percent = |error: Option<f64>| error.zip(value).and_then(|(error, value)| finite(100.0 * error / value));
+        Self { value: percent(self.value), lower: percent(self.lower), upper: percent(self.upper) }
+    }
 }
 
 /// What a model says of a statistic.
@@ -194,9 +201,11 @@ fn row(
     let error = |found: &Option<Found>| match found {
         Some(found) if moment == Moment::Mean => mean_error(found, target, confidence),
         Some(found) => sd_error(&found.summary, target, confidence, spread),
-        None => ErrorPercent::default(),
+        None => Error::default(),
     };
     let (first, second) = (error(&before), error(&after));
+    let whole = if moment == Moment::Mean { stands_out(summary) } else { Some(summary.sd) };
+    let (first_percent, second_percent) = (first.percent_of(whole), second.percent_of(whole));
     BeforeAfterRow {
         measured: case.set.name.clone(),
         experiment: summary.experiment.to_owned(),
@@ -207,12 +216,18 @@ fn row(
         measured_value: if moment == Moment::Mean { summary.mean } else { summary.sd },
         before: value(&before),
         after: value(&after),
-        before_error_percent: first.value,
-        before_lower_percent: first.lower,
-        before_upper_percent: first.upper,
-        after_error_percent: second.value,
-        after_lower_percent: second.lower,
-        after_upper_percent: second.upper,
+        before_error: first.value,
+        before_lower: first.lower,
+        before_upper: first.upper,
+        after_error: second.value,
+        after_lower: second.lower,
+        after_upper: second.upper,
+        before_error_percent: first_percent.value,
+        before_lower_percent: first_percent.lower,
+        before_upper_percent: first_percent.upper,
+        after_error_percent: second_percent.value,
+        after_lower_percent: second_percent.lower,
+        after_upper_percent: second_percent.upper,
         unit: summary.unit.to_owned(),
     }
 }
@@ -235,17 +250,18 @@ pub fn mean_difference(found: &Found, target: &Target, confidence: f64) -> Diffe
     Difference { value: found.summary.mean - target.summary.mean, half }
 }
 
-/// Error of a mean. Where the measured mean does not stand out of the scatter, as for a left-minus-right difference, a percentage
-/// of it means nothing and is left out.
-fn mean_error(found: &Found, target: &Target, confidence: f64) -> ErrorPercent {
-    let measured = &target.summary;
-    if measured.mean.abs() < measured.sd {
-        return ErrorPercent::default();
-    }
+/// Size of a measured mean. One that does not stand out of the scatter, as of a left-minus-right difference, is no measure of an
+/// error.
+fn stands_out(measured: &MeasuredSummary) -> Option<f64> {
+    let lost = measured.mean.abs() < measured.sd;
+    (!lost).then(|| measured.mean.abs())
+}
+
+/// Error of a mean.
+fn mean_error(found: &Found, target: &Target, confidence: f64) -> Error {
     let Difference { value, half } = mean_difference(found, target, confidence);
-    let percent = |difference: f64| finite(100.0 * difference / measured.mean.abs());
-    let limit = |sign: f64| half.and_then(|half| percent(value + sign * half));
-    ErrorPercent { value: percent(value), lower: limit(-1.0), upper: limit(1.0) }
+    let limit = |sign: f64| half.and_then(|half| finite(value + sign * half));
+    Error { value: finite(value), lower: limit(-1.0), upper: limit(1.0) }
 }
 
 /// Variance of ln s of n values, with the tails of an observable that the fit sees; any other is taken to be normal.
@@ -261,17 +277,17 @@ fn sd_error(
     Target { summary: measured, unsure, .. }: &Target,
     confidence: f64,
     spread: impl Fn(usize) -> f64,
-) -> ErrorPercent {
+) -> Error {
     let (n, m) = (found.n, measured.n as usize);
     let usable = n >= 2 && m >= 2 && found.sd > 0.0 && measured.sd > 0.0;
     if !usable {
-        return ErrorPercent::default();
+        return Error::default();
     }
     let (simulated, real) = (ln_sd(found.sd, n), ln_sd(measured.sd, m));
     let half = normal_quantile(0.5 + 0.5 * confidence) * (spread(n) + spread(m) + unsure).sqrt();
-    let percent = |difference: f64| finite(100.0 * (libm::exp(difference) - 1.0));
+    let error = |difference: f64| finite(measured.sd * (libm::exp(difference) - 1.0));
     let difference = simulated.value - real.value;
-    ErrorPercent { value: percent(difference), lower: percent(difference - half), upper: percent(difference + half) }
+    Error { value: error(difference), lower: error(difference - half), upper: error(difference + half) }
 }
 
 #[cfg(test)]
@@ -291,12 +307,18 @@ mod tests {
             measured_value: 30.0,
             before: None,
             after: None,
+            before_error: None,
+            before_lower: None,
+            before_upper: None,
+            after_error: None,
+            after_lower: limits.map(|limits| limits.0),
+            after_upper: limits.map(|limits| limits.1),
             before_error_percent: None,
             before_lower_percent: None,
             before_upper_percent: None,
             after_error_percent: None,
-            after_lower_percent: limits.map(|limits| limits.0),
-            after_upper_percent: limits.map(|limits| limits.1),
+            after_lower_percent: None,
+            after_upper_percent: None,
             unit: "deg".to_owned(),
         };
         let rows = [
@@ -309,5 +331,16 @@ mod tests {
         ];
         let expected = " With tilt in the model the 99.5 % intervals of 2 of 3 fitted means hold the measurement.";
         assert_eq!(agreement(&rows, "tilt", 0.995), expected);
+    }
+
+    /// A mean of 2 ± 3 (sd) is no measure of an error of −1, 2 ± 0.5 is.
+    #[test]
+    fn an_error_near_zero_has_no_percentage() {
+        let of = |sd: f64| MeasuredSummary { experiment: "pile", kpi: "angle", unit: "deg", mean: -2.0, sd, n: 20 };
+        let error = Error { value: Some(-1.0), lower: Some(-1.5), upper: None };
+        assert_eq!(error.percent_of(stands_out(&of(3.0))), Error::default());
+        let percent = Error { value: Some(-50.0), lower: Some(-75.0), upper: None };
+        assert_eq!(error.percent_of(stands_out(&of(0.5))), percent);
+        assert_eq!(error.percent_of(stands_out(&of(f64::NAN))), percent, "one repetition has no scatter");
     }
 }
