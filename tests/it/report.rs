@@ -375,10 +375,10 @@ fn an_error_without_a_percentage_is_shown_in_its_unit() {
     let mut report = full();
     let row = &mut report.before_after[0];
     (row.before_error_percent, row.before_lower_percent, row.before_upper_percent) = (None, None, None);
-    (row.before_error, row.before_lower, row.before_upper) = (Some(-0.456), Some(-1.23), Some(0.318));
+    (row.before_error, row.before_lower, row.before_upper) = (Some(-0.456), Some(-1.23), Some(0.342));
     row.unit = "deg".to_string();
     for text in [visible(&html(&report)), markdown(&report)] {
-        let rest = text.split_once("-0.46 [-1.23, 0.32]").expect("the error in its unit").1;
+        let rest = text.split_once("-0.46 [-1.23, 0.34]").expect("the error in its unit").1;
         assert!(rest.split_once("no percentage so near zero").is_some_and(|(unit, _)| unit.contains('°')), "{rest}");
     }
 }
