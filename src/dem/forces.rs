@@ -1,7 +1,8 @@
 //! Forces of all listed contacts: takes them a vector at a time, applies the law, adds forces in list order.
 //!
 //! Takes grains, lists and the law, changes loads and springs. Liquid bridges are a term of their own in [`super::bridges`].
-//! Listed contacts that do not touch go along in their lane and give zero; a vector in which none touches is left early.
+//! Listed contacts that do not touch go along in their lane and give zero; a vector in which none touches is left early, and of a
+//! list of which few touch full vectors of these are made.
 
 use super::contact::{Coefficients, Constants, Kinematics, Response, Springs, respond};
 use super::lanes::{LaneRows, Lanes, Mask, Number, Transposer, Truths, WIDTH};
@@ -23,6 +24,8 @@ pub struct PairForces<'a> {
     pub pairs: &'a mut Pairs,
     /// The law between grains.
     pub law: &'a Coefficients,
+    /// Work space: pairs that have met since the last rebuild.
+    pub met: &'a mut Vec<u32>,
 }
 
 impl WithSimd for PairForces<'_> {
@@ -33,7 +36,7 @@ impl WithSimd for PairForces<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let kernel = Kernel { simd, transposer: Transposer(simd) };
         let deep = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.law, [0.0; 3]);
-        deep | kernel.add_pairs::<false>(self.grains, &mut self.pairs.apart, self.law, [0.0; 3])
+        deep | kernel.add_met_pairs(self.grains, &mut self.pairs.apart, self.law, self.met)
     }
 }
 
@@ -129,7 +132,22 @@ impl<'a> Rows<'a> {
         let count = place.len();
         Self { place, motion: &motion[..count], spin: &spin[..count], load: &mut load[..count] }
     }
+
+    /// The grains of up to a vector of pairs, checked here once for all rows.
+    #[inline(always)]
+    fn indices(&self, ends: &[[u32; 2]]) -> Ends {
+        let count = self.place.len();
+        let mut indices = Ends::default();
+        for (index, &[i, j]) in indices.iter_mut().zip(ends) {
+            *index = [i as usize, j as usize];
+            assert!(index[0] < count && index[1] < count, "a listed grain is not there");
+        }
+        indices
+    }
 }
+
+/// The grains of a vector of pairs; only the first `S::F64_LANES` mean something.
+type Ends = [[usize; 2]; WIDTH];
 
 /// Pairs of one vector, as far as their places tell.
 struct Touch<S: Simd> {
@@ -158,19 +176,17 @@ impl<S: Simd> Kernel<S> {
     ) -> bool {
         let count = list.len();
         let mut deep = false;
-        let rows = Rows::of(grains);
+        let mut rows = Rows::of(grains);
         let (ends, _) = list.ends.as_chunks::<WIDTH>();
         let Entries { blocks, live, .. } = &mut list.entries;
         for (b, ((block, live), ends)) in blocks.iter_mut().zip(live).zip(ends).enumerate() {
             let was_live = std::mem::replace(live, false);
             for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
+                let ends = rows.indices(ends);
                 let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
-                let touch = self.touch::<ACROSS>(&rows, ends, filled, shift);
+                let touch = self.touch::<ACROSS>(&rows, &ends, filled, shift);
                 if touch.active.any() {
-                    let (response, too_deep) = self.respond_pairs(&rows, ends, &touch, block, part, law);
-                    self.store_springs(&response.springs, touch.active, block, part);
-                    self.add_pair_loads(&response, touch.active, rows.load, ends);
-                    deep |= too_deep;
+                    deep |= self.add_touching(&mut rows, &ends, &touch, block, part, law);
                     *live = true;
                 } else if was_live {
                     self.void_springs(block, part);
@@ -180,10 +196,95 @@ impl<S: Simd> Kernel<S> {
         deep
     }
 
+    /// The same for pairs of which few touch: those are looked for first and then taken a full vector at a time.
+    #[inline(always)]
+    fn add_met_pairs(
+        self,
+        grains: &mut Particles,
+        list: &mut PairList,
+        law: &Coefficients,
+        met: &mut Vec<u32>,
+    ) -> bool {
+        let mut rows = Rows::of(grains);
+        self.find_met(&rows, list, met);
+        let (ends, blocks) = (&list.ends, &mut list.entries.blocks);
+        let mut deep = false;
+        for met in met.chunks(S::F64_LANES) {
+            let (mut few, mut block) = ([[0; 2]; WIDTH], Block::default());
+            for (lane, &k) in met.iter().enumerate() {
+                few[lane] = ends[k as usize];
+                block.copy(lane, &blocks[k as usize / WIDTH], k as usize % WIDTH);
+            }
+            let few = rows.indices(&few);
+            let touch = self.touch::<false>(&rows, &few, Lanes::filled(self.simd, 0, met.len()), [0.0; 3]);
+            deep |= self.add_touching(&mut rows, &few, &touch, &mut block, 0, law);
+            for (lane, &k) in met.iter().enumerate() {
+                blocks[k as usize / WIDTH].copy_springs(k as usize % WIDTH, &block, lane);
+            }
+        }
+        deep
+    }
+
+    /// Lists the pairs that touch, in order, and voids the springs of the others.
+    #[inline(always)]
+    fn find_met(self, rows: &Rows, list: &mut PairList, met: &mut Vec<u32>) {
+        let count = list.len();
+        met.resize(list.ends.len() + WIDTH, 0);
+        let mut found = 0;
+        let (ends, _) = list.ends.as_chunks::<WIDTH>();
+        let Entries { blocks, live, .. } = &mut list.entries;
+        for (b, ((block, live), ends)) in blocks.iter_mut().zip(live).zip(ends).enumerate() {
+            let was_live = std::mem::replace(live, false);
+            for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
+                let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
+                let active = self.touch::<false>(rows, &rows.indices(ends), filled, [0.0; 3]).active;
+                if was_live {
+                    self.store_springs(&self.springs(block, part), active, block, part);
+                }
+                if active.any() {
+                    let first = b * WIDTH + part * S::F64_LANES;
+                    found = self.note(active, first, met, found);
+                    *live = true;
+                }
+            }
+        }
+        met.truncate(found);
+    }
+
+    /// Writes the entries of the lanes that touch behind the first `found`, and gives the new number. The write is
+    /// unconditional, so that nothing depends on a guess.
+    #[inline(always)]
+    fn note(self, active: Truths<S>, first: usize, met: &mut [u32], mut found: usize) -> usize {
+        let zero = Lanes::zero(self.simd);
+        let touches = Lanes::pick(active, zero.splat(1.0), zero).numbers();
+        for (l, touches) in touches.iter().enumerate().take(S::F64_LANES) {
+            met[found] = (first + l) as u32;
+            found += usize::from(*touches > 0.0);
+        }
+        found
+    }
+
+    /// Applies the law to pairs that touch, keeps their springs and adds their loads; tells whether an overlap is too deep.
+    #[inline(always)]
+    fn add_touching(
+        self,
+        rows: &mut Rows,
+        ends: &Ends,
+        touch: &Touch<S>,
+        block: &mut Block,
+        part: usize,
+        law: &Coefficients,
+    ) -> bool {
+        let (response, deep) = self.respond_pairs(rows, ends, touch, block, part, law);
+        self.store_springs(&response.springs, touch.active, block, part);
+        self.add_pair_loads(&response, touch.active, rows.load, ends);
+        deep
+    }
+
     /// Which pairs touch.
     #[inline(always)]
-    fn touch<const ACROSS: bool>(self, rows: &Rows, ends: &[[u32; 2]], filled: Truths<S>, shift: Vec3) -> Touch<S> {
-        let (a, b) = (|l: usize| *rows.place[ends[l][0] as usize], |l: usize| *rows.place[ends[l][1] as usize]);
+    fn touch<const ACROSS: bool>(self, rows: &Rows, ends: &Ends, filled: Truths<S>, shift: Vec3) -> Touch<S> {
+        let (a, b) = (|l: usize| *rows.place[ends[l][0]], |l: usize| *rows.place[ends[l][1]]);
         let [x, y, z, sum] = self.transposer.gather_between(a, b);
         let apart = [x, y, z];
         let between = if ACROSS { add(apart, splat(x, shift)) } else { apart };
@@ -197,16 +298,16 @@ impl<S: Simd> Kernel<S> {
     fn respond_pairs(
         self,
         rows: &Rows,
-        ends: &[[u32; 2]],
+        ends: &Ends,
         touch: &Touch<S>,
         block: &Block,
         part: usize,
         law: &Coefficients,
     ) -> (Response<Lanes<S>>, bool) {
-        let (a, b) = (|l: usize| *rows.motion[ends[l][0] as usize], |l: usize| *rows.motion[ends[l][1] as usize]);
+        let (a, b) = (|l: usize| *rows.motion[ends[l][0]], |l: usize| *rows.motion[ends[l][1]]);
         let [vx, vy, vz, _] = self.transposer.gather_between(a, b);
-        let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0] as usize]);
-        let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1] as usize]);
+        let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0]]);
+        let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1]]);
         let distance = touch.square.sqrt();
         let overlap = touch.sum - distance;
         let smaller = Lanes::pick(radius_i.less(radius_j), radius_i, radius_j);
@@ -270,17 +371,17 @@ impl<S: Simd> Kernel<S> {
 
     /// Adds zero for the lanes that do not touch, which changes no bit of a load.
     #[inline(always)]
-    fn add_pair_loads(self, response: &Response<Lanes<S>>, active: Truths<S>, load: &mut [Row8], ends: &[[u32; 2]]) {
+    fn add_pair_loads(self, response: &Response<Lanes<S>>, active: Truths<S>, load: &mut [Row8], ends: &Ends) {
         let force = self.rows(active, response.force);
         let (torque_i, counter_torque_j) =
             (self.rows(active, response.torque_i), self.rows(active, response.counter_torque_j));
         for (l, &[i, j]) in ends.iter().enumerate().take(S::F64_LANES) {
-            let row = &mut load[i as usize];
+            let row = &mut load[i];
             for c in 0..4 {
                 row[c] += force.of(l)[c];
                 row[c + 4] += torque_i.of(l)[c];
             }
-            let row = &mut load[j as usize];
+            let row = &mut load[j];
             for c in 0..4 {
                 row[c] -= force.of(l)[c];
                 row[c + 4] -= counter_torque_j.of(l)[c];

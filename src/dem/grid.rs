@@ -5,6 +5,10 @@
 
 use super::setup::Vec3;
 use super::vector::Row4;
+use std::ops::Range;
+
+/// Factor on reaches where whole cells are left out, so that no rounding of a place costs a pair.
+const SLACK: f64 = 1.0 + 1e-6;
 
 /// Cells over the bounding box of the grains.
 #[derive(Debug, Clone, Default)]
@@ -106,51 +110,52 @@ impl Grid {
         }
     }
 
-    /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j; `hits` is work space.
+    /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j; `hits` is work space. No reach
+    /// is above half the edge that the grains were sorted with.
     pub fn pairs(&self, rows: &[Row4], hits: &mut Vec<u32>, mut found: impl FnMut(usize, usize)) {
-        let mut ranges = [(0, 0); 5];
-        let mut last = u32::MAX;
-        for (i, &cell) in self.sorted.iter().enumerate() {
-            if cell != last {
-                ranges = self.ranges(cell as usize);
-                last = cell;
-            }
-            ranges[0].0 = i + 1;
-            let candidates: usize = ranges.iter().map(|(from, to)| to - from).sum();
+        let widest = rows.iter().map(|row| row[3]).fold(0.0, f64::max);
+        for (i, (&cell, row)) in self.sorted.iter().zip(rows).enumerate() {
+            let ranges = self.ranges(i, cell as usize, row, SLACK * (row[3] + widest));
+            let candidates: usize = ranges.iter().map(|range| range.len()).sum();
             if hits.len() < candidates {
                 hits.resize(candidates, 0);
             }
-            let count = ranges
-                .iter()
-                .fold(0, |count, &(from, to)| count + collect(&rows[i], rows, from, to, &mut hits[count..]));
+            let count =
+                ranges.into_iter().fold(0, |count, range| count + collect(row, rows, range, &mut hits[count..]));
             hits[..count].iter().for_each(|&j| found(i, j as usize));
         }
     }
 
-    /// The grains that may be near those of a cell and come after them: the rest of its own row, and four rows of three cells.
-    fn ranges(&self, cell: usize) -> [(usize, usize); 5] {
-        let [nx, ny, nz] = self.size;
+    /// The grains that may be within `reach` of grain `i` of a cell and come after it: the rest of its own row of cells, and four
+    /// rows of up to three cells. What lies beyond its reach is left out by whole cells.
+    fn ranges(&self, i: usize, cell: usize, place: &Row4, reach: f64) -> [Range<usize>; 5] {
+        let [nx, ny, _] = self.size;
         let (x, y, z) = (cell % nx, cell / nx % ny, cell / (nx * ny));
-        let (low, high) = (x.saturating_sub(1), (x + 1).min(nx - 1));
-        let row = |dy: isize, dz: usize| {
-            let (Some(y), z) = (y.checked_add_signed(dy), z + dz) else { return (0, 0) };
-            if y >= ny || z >= nz {
-                return (0, 0);
-            }
+        let below = |own: usize, axis: usize| own - usize::from(self.index(place[axis] - reach, axis) < own);
+        let above = |own: usize, axis: usize| own + usize::from(self.index(place[axis] + reach, axis) > own);
+        let ([left, right], [front, back], upper) =
+            ([below(x, 0), above(x, 0)], [below(y, 1), above(y, 1)], above(z, 2));
+        let row = |is_near: bool, y: usize, z: usize| {
             let base = (z * ny + y) * nx;
-            (self.start[base + low] as usize, self.start[base + high + 1] as usize)
+            if is_near { self.start[base + left] as usize..self.start[base + right + 1] as usize } else { 0..0 }
         };
-        [(0, row(0, 0).1), row(1, 0), row(-1, 1), row(0, 1), row(1, 1)]
+        [
+            i + 1..row(true, y, z).end,
+            row(back > y, back, z),
+            row(upper > z && front < y, front, upper),
+            row(upper > z, y, upper),
+            row(upper > z && back > y, back, upper),
+        ]
     }
 }
 
-/// Writes the near ones among `from..to` to the front of `hits` and gives their number. The write is unconditional, so that
+/// Writes the near ones of a range to the front of `hits` and gives their number. The write is unconditional, so that
 /// nothing depends on a guess.
 #[inline(always)]
-fn collect(a: &Row4, rows: &[Row4], from: usize, to: usize, hits: &mut [u32]) -> usize {
-    let mut count = 0;
-    for (j, b) in rows[from..to].iter().enumerate() {
-        hits[count] = (from + j) as u32;
+fn collect(a: &Row4, rows: &[Row4], range: Range<usize>, hits: &mut [u32]) -> usize {
+    let (first, mut count) = (range.start, 0);
+    for (j, b) in rows[range].iter().enumerate() {
+        hits[count] = (first + j) as u32;
         count += usize::from(near(a, b));
     }
     count

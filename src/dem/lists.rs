@@ -22,6 +22,25 @@ pub struct Block {
     pub constants: [Row; 5],
 }
 
+impl Block {
+    /// Lane `to` becomes lane `from` of another block.
+    #[inline(always)]
+    pub fn copy(&mut self, to: usize, other: &Self, from: usize) {
+        self.copy_springs(to, other, from);
+        for (row, other) in self.constants.iter_mut().zip(&other.constants) {
+            row[to] = other[from];
+        }
+    }
+
+    /// The same for the springs alone.
+    #[inline(always)]
+    pub fn copy_springs(&mut self, to: usize, other: &Self, from: usize) {
+        for (row, other) in self.springs.iter_mut().zip(&other.springs) {
+            row[to] = other[from];
+        }
+    }
+}
+
 /// Constants and springs of listed contacts.
 #[derive(Debug, Clone, Default)]
 pub struct Entries {
@@ -46,8 +65,9 @@ pub struct PairList {
     start: Vec<u32>,
 }
 
-/// All listed pairs: vectors of the first list are full of contacts, most of the second are left early, and those of the
-/// others see their second grain from across the ends of a period, one list for every shift of [`super::period::Periods`].
+/// All listed pairs: vectors of the first list are full of contacts; of the second, those that touch are looked for and then taken
+/// full vectors at a time; those of the others see their second grain from across the ends of a period, one list for every
+/// shift of [`super::period::Periods`].
 #[derive(Debug, Clone, Default)]
 pub struct Pairs {
     /// Pairs that touched at the last rebuild.

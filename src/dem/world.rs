@@ -74,6 +74,7 @@ pub struct World {
     skin: Skin,
     spare: Spare,
     inherit: Vec<[u32; 2]>,
+    met: Vec<u32>,
     arch: Arch,
 }
 
@@ -144,6 +145,7 @@ impl World {
             spare: Spare { pairs: pairs(), ..Spare::default() },
             periods,
             inherit: Vec::new(),
+            met: Vec::new(),
             arch: Arch::new(),
         }
     }
@@ -343,8 +345,8 @@ impl World {
     }
 
     fn evaluate(&mut self) -> Result<(), Failure> {
-        let Self { grains, pairs, contacts, rivals, walls, law, inherit, arch, .. } = self;
-        let mut deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair });
+        let Self { grains, pairs, contacts, rivals, walls, law, inherit, met, arch, .. } = self;
+        let mut deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair, met });
         for (list, shift) in pairs.across.iter_mut().zip(self.periods.shifts()) {
             deep |= arch.dispatch(AcrossForces { grains, list, law: &law.pair, shift: *shift });
         }
@@ -683,6 +685,29 @@ mod tests {
         let scalar = run(Vectors::Scalar);
         for vectors in [Vectors::Avx2, Vectors::Widest] {
             assert_eq!(scalar, run(vectors), "{vectors:?}");
+        }
+    }
+
+    /// Whether a pair stands among those that touched at the last rebuild or among the others changes no bit.
+    #[test]
+    fn a_pair_is_the_same_in_either_list() {
+        let setup = setup();
+        let grains = fill(&setup, 1).unwrap().grains;
+        let end = |vectors, touching| {
+            let mut world = World::new(&setup, &grains).unwrap().with_vectors(vectors);
+            (0..2000).for_each(|_| world.step().unwrap());
+            let old = std::mem::replace(&mut world.pairs, Pairs::new(0));
+            let mut all: Vec<[u32; 2]> = old.lists().flat_map(|list| list.pairs().to_vec()).collect();
+            all.sort_unstable();
+            assert!(old.touching.len() > 20 && old.apart.len() > 20, "{} pairs", all.len());
+            for ends in all {
+                world.pairs.push(touching, ends, &old, ends, || unreachable!("the pair is in the old lists"));
+            }
+            (0..100).for_each(|_| world.step().unwrap());
+            world.state()
+        };
+        for vectors in WIDTHS {
+            assert_eq!(end(vectors, true), end(vectors, false), "{vectors:?}");
         }
     }
 
