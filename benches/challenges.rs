@@ -6,6 +6,7 @@
 //! `10,20,50`) from the pool, and calibrates, diagnoses and scores each by one of them: with all observables, the KPIs alone,
 //! or all of them but the true effect left out of the library (EVIDENCE, as `all,kpis,without`). A cell that stands in
 //! FOLDER/rates.csv already is not done again. FOLDER alone prints what stands there, the tables of docs/challenges.md.
+//! `strengths` in EVIDENCE prints how the strengths of the hidden effect lie about the true one; this is not kept.
 
 use granulake::campaign::{Campaign, Options, Values};
 use granulake::challenge::{ConfusionMatrix, Declaration, Score, Solution, Truth, score};
@@ -14,7 +15,7 @@ use granulake::experiments::EXPERIMENTS;
 use granulake::pipeline::Study;
 use granulake::rng::Stream;
 use granulake::stages::{Context, Panel, PanelRows};
-use granulake::stats::summary::clopper_pearson;
+use granulake::stats::summary::{clopper_pearson, mean, sd};
 use granulake::tables::KpiRow;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -64,7 +65,7 @@ fn main() -> Result<(), Failed> {
     let places: Vec<String> = places.split(',').map(str::to_owned).collect();
     one_of("PLACES", &places, &PLACES.map(|(name, _)| name.to_owned()))?;
     let evidence: Vec<String> = evidence.split(',').map(str::to_owned).collect();
-    one_of("EVIDENCE", &evidence, &["all", "kpis", "without"].map(str::to_owned))?;
+    one_of("EVIDENCE", &evidence, &["all", "kpis", "without", STRENGTHS].map(str::to_owned))?;
     one_of("TRUTH", truths, &TRUTHS.iter().map(|(effect, _)| name_of(*effect)).collect::<Vec<_>>())?;
     let plan = Plan { pool: pool.parse()?, sets: sets.parse::<u32>()? / panels.max(1), counts, evidence };
     let study = Study::load(&Path::new(folder).join("pipeline.toml"))?;
@@ -184,7 +185,11 @@ impl Hidden<'_> {
         let of_count = |count: &u32| {
             let cell = |evidence, without| Cell { panel, count: *count, evidence, without };
             let left_out = self.effect.filter(|_| self.left_out).map(|(name, _)| ("without", cell("all", Some(name))));
-            let all = [("all", cell("all", None)), ("kpis", cell("kpis", None))].into_iter().chain(left_out);
+            let of_strengths = self.effect.map(|_| (STRENGTHS, cell(STRENGTHS, None)));
+            let all = [("all", cell("all", None)), ("kpis", cell("kpis", None))]
+                .into_iter()
+                .chain(left_out)
+                .chain(of_strengths);
             let asked = all.filter(|(what, _)| plan.evidence.iter().any(|known| known == what));
             asked.map(|(_, cell)| cell).collect::<Vec<_>>()
         };
@@ -204,7 +209,7 @@ impl Hidden<'_> {
         let all: Vec<u32> = (1..=REFERENCE).collect();
         let purpose = format!("{} {} reference {number}", self.theta, self.name());
         let left_out = self.effect.map(|(name, _)| ("all", Some(name)));
-        for (evidence, without) in [("all", None), ("kpis", None)].into_iter().chain(left_out) {
+        for (evidence, without) in [("all", None), ("kpis", None), (STRENGTHS, None)].into_iter().chain(left_out) {
             let cells = missing.iter().filter(|cell| (cell.evidence, cell.without) == (evidence, without));
             let cells: Vec<&Cell> = cells.collect();
             if cells.is_empty() {
@@ -220,6 +225,10 @@ impl Hidden<'_> {
             campaign.compact()?;
             for cell in cells {
                 let (drawn, start) = (self.draw(pool, density, cell, plan), std::time::Instant::now());
+                if evidence == STRENGTHS {
+                    campaign.install(|| self.tell_strengths(&panel, &drawn, cell))?;
+                    continue;
+                }
                 let tally = campaign.install(|| self.judge(&panel, &drawn, cell))?;
                 let seconds = start.elapsed().as_secs_f64();
                 eprintln!("  {} sets of n = {}, {evidence}: {seconds:.0} s", plan.sets, cell.count);
@@ -261,6 +270,26 @@ impl Hidden<'_> {
             .collect()
     }
 
+    /// Prints how the strengths of the hidden effect lie about the true one.
+    fn tell_strengths(&self, panel: &Panel, sets: &[Measured], cell: &Cell) -> Result<(), Failed> {
+        let Some((name, truth)) = self.effect else { return Ok(()) };
+        let drawn: Vec<_> = sets
+            .par_iter()
+            .map(|set| panel.strength(set, name))
+            .collect::<Result<_, granulake::stages::StageError>>()
+            .map_err(|e| e.to_string())?;
+        let drawn: Vec<(f64, f64)> = drawn.into_iter().flatten().collect();
+        println!(
+            "{} at {}, panel {}, n = {}: {}",
+            self.name(),
+            self.theta,
+            cell.panel,
+            cell.count,
+            spread(&drawn, truth)
+        );
+        Ok(())
+    }
+
     fn judge(&self, panel: &Panel, sets: &[Measured], cell: &Cell) -> Result<Tally, Failed> {
         let first = panel.judge(&sets[0], LIMIT_DRAWS).map_err(|e| e.to_string())?;
         let first = first.ok_or("a drawn set lacks an observable")?;
@@ -285,6 +314,28 @@ impl Hidden<'_> {
         }
         Ok(tally)
     }
+}
+
+/// The word of EVIDENCE for the strengths of the hidden effect, told from all observables.
+const STRENGTHS: &str = "strengths";
+
+/// How strengths lie about the true one.
+fn spread(drawn: &[(f64, f64)], truth: f64) -> String {
+    let (means, sds): (Vec<f64>, Vec<f64>) = drawn.iter().copied().unzip();
+    let errors: Vec<f64> = drawn.iter().map(|(mean, sd)| (mean - truth) / sd).collect();
+    let beyond = |limit: f64| errors.iter().filter(|error| error.abs() > limit).count();
+    format!(
+        "{} sets, {:.4} on the mean, spread {:.4}, own standard errors {:.4} on the mean; off by {:.2} of these on the mean, spread {:.2}; \
+         beyond 1.96 of them {}, beyond 2.81 {}",
+        drawn.len(),
+        mean(&means),
+        sd(&means),
+        mean(&sds),
+        mean(&errors),
+        sd(&errors),
+        beyond(1.96),
+        beyond(2.81)
+    )
 }
 
 /// What the advice says where a parameter lies on its bound.
@@ -320,7 +371,7 @@ fn data(
         let picked = pick(experiment.name());
         for row in rows.iter().filter(|row| row.experiment == experiment.name()) {
             let place = picked.binary_search(&row.repetition);
-            let mut observables = experiment.observables().iter().filter(|o| evidence == "all" || o.is_kpi);
+            let mut observables = experiment.observables().iter().filter(|o| evidence != "kpis" || o.is_kpi);
             let observable = observables.find(|observable| observable.name == row.kpi);
             if let (Ok(place), Some(observable), Some(value)) = (place, observable, row.value) {
                 let (experiment, repetition) = (experiment.name(), place as u32 + 1);
@@ -329,9 +380,12 @@ fn data(
         }
     }
     values.sort_by_key(|value| (value.experiment, value.kpi, value.repetition));
-    let (sd, n) = WEIGHINGS;
-    let weighings: Vec<f64> =
-        density.iter().flat_map(|mean| (0..n).map(move |_| mean)).map(|mean| mean + sd * stream.normal()).collect();
+    let (scatter, n) = WEIGHINGS;
+    let weighings: Vec<f64> = density
+        .iter()
+        .flat_map(|mean| (0..n).map(move |_| mean))
+        .map(|mean| mean + scatter * stream.normal())
+        .collect();
     Measured { name: NAME.to_owned(), values, properties: property(&weighings), ..Measured::default() }
 }
 
@@ -339,13 +393,12 @@ fn property(values: &[f64]) -> Vec<granulake::config::MeasuredSummary> {
     if values.len() < 2 {
         return Vec::new();
     }
-    let summary = granulake::stats::summary::mean(values);
     vec![granulake::config::MeasuredSummary {
         experiment: "grains",
         kpi: "particle_density",
         unit: "kg/m3",
-        mean: summary,
-        sd: granulake::stats::summary::sd(values),
+        mean: mean(values),
+        sd: sd(values),
         n: values.len() as u32,
     }]
 }

@@ -4,7 +4,7 @@
 //! the direct runs of one of them serve all: metamodels that know these runs stand where a diagnosis of its own would make
 //! new ones. Fits, residual, signatures, tests and verdict are those of the stage, anew for every data set.
 
-use super::anchors::Anchors;
+use super::anchors::{Anchors, strength_at};
 use super::fit::{self, Weights};
 use super::joint::Contender;
 use super::lab::Lab;
@@ -72,6 +72,22 @@ impl<'a> Panel<'a> {
         let options = Options { power_draws: limits, ..options(&case) };
         let attribution: Attribution = attributed(&case, candidates, Vec::new(), options)?;
         Ok(Some(rows::of(&case, &attribution)))
+    }
+
+    /// Mean and standard deviation of the strength of a candidate given another data set, in its unit, as parameters and strength are
+    /// drawn by the metamodels as they stand: without runs of its own along what that set leaves open, and not widened for
+    /// the errors that such runs would take away. `None` where an observable is missing or no direct runs stand behind the candidate.
+    ///
+    /// # Errors
+    /// A fit that fails.
+    pub fn strength(&self, set: &Measured, candidate: &str) -> Result<Option<(f64, f64)>, StageError> {
+        let known = self.examined.contenders.iter().find(|contender| contender.name() == candidate);
+        let (Some(case), Some(known)) = (self.case(set)?, known) else { return Ok(None) };
+        let mut contender = known.clone();
+        contender.sample(&case)?;
+        let (_, range) = contender.axis();
+        let marginal = contender.draws().and_then(|draws| draws.marginals().pop());
+        Ok(marginal.map(|marginal| (strength_at(range, marginal.mean), marginal.sd * (range.1 - range.0))))
     }
 
     /// Another data set beside the runs of the reference.
