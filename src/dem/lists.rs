@@ -162,16 +162,11 @@ impl Entries {
             self.set_constants(k, &fresh());
             return;
         };
-        let mut springs = old.springs(from);
-        springs.sliding = springs.sliding.map(|spring| spring * sign);
-        self.set_springs(k, &springs);
+        let (block, lane) = (&mut self.blocks[k / WIDTH], k % WIDTH);
+        block.copy(lane, &old.blocks[from / WIDTH], from % WIDTH);
+        block.springs[..3].iter_mut().for_each(|row| row[lane] *= sign);
         self.set_bridge(k, old.has_bridge(from));
         self.live[k / WIDTH] |= old.live[from / WIDTH];
-        let (source, lane) = (&old.blocks[from / WIDTH], from % WIDTH);
-        let target = &mut self.blocks[k / WIDTH];
-        for (row, old) in target.constants.iter_mut().zip(&source.constants) {
-            row[k % WIDTH] = old[lane];
-        }
     }
 
     fn set_constants(&mut self, k: usize, constants: &Constants) {
