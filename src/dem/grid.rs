@@ -3,8 +3,10 @@
 //! Takes rows (x, y, z, reach); two grains are near when their distance is below the sum of their reaches. The order of cells
 //! has x fastest, so that the three cells of a row are one contiguous range of grains.
 
+use super::lanes::{Lanes, Number, WIDTH};
 use super::setup::Vec3;
-use super::vector::Row4;
+use super::vector::{Row4, dot};
+use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// Factor on reaches where whole cells are left out, so that no rounding of a place costs a pair.
@@ -110,24 +112,21 @@ impl Grid {
         }
     }
 
-    /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j; `hits` is work space. No reach
-    /// is above half the edge that the grains were sorted with.
-    pub fn pairs(&self, rows: &[Row4], hits: &mut Vec<u32>, mut found: impl FnMut(usize, usize)) {
-        let widest = rows.iter().map(|row| row[3]).fold(0.0, f64::max);
-        for (i, (&cell, row)) in self.sorted.iter().zip(rows).enumerate() {
-            let ranges = self.ranges(i, cell as usize, row, SLACK * (row[3] + widest));
-            let candidates: usize = ranges.iter().map(|range| range.len()).sum();
-            if hits.len() < candidates {
-                hits.resize(candidates, 0);
-            }
-            let count =
-                ranges.into_iter().fold(0, |count, range| count + collect(row, rows, range, &mut hits[count..]));
-            hits[..count].iter().for_each(|&j| found(i, j as usize));
+    /// Calls `found(i, j)` for every near pair i < j of the sorted rows, ascending in i, then j. No reach is above half the
+    /// edge that the grains were sorted with.
+    pub fn pairs(&self, arch: Arch, rows: &[Row4], search: &mut Search, mut found: impl FnMut(usize, usize)) {
+        search.read(rows);
+        arch.dispatch(Sweep { grid: self, rows, search });
+        let mut first = 0;
+        for (i, &last) in search.ends.iter().enumerate() {
+            search.hits[first..last].iter().for_each(|&j| found(i, j as usize));
+            first = last;
         }
     }
 
     /// The grains that may be within `reach` of grain `i` of a cell and come after it: the rest of its own row of cells, and four
     /// rows of up to three cells. What lies beyond its reach is left out by whole cells.
+    #[inline(always)]
     fn ranges(&self, i: usize, cell: usize, place: &Row4, reach: f64) -> [Range<usize>; 5] {
         let [nx, ny, _] = self.size;
         let (x, y, z) = (cell % nx, cell / nx % ny, cell / (nx * ny));
@@ -149,28 +148,140 @@ impl Grid {
     }
 }
 
-/// Writes the near ones of a range to the front of `hits` and gives their number. The write is unconditional, so that
-/// nothing depends on a guess.
+/// Work space of [`Grid::pairs`].
+#[derive(Debug, Clone, Default)]
+pub struct Search {
+    /// The rows, a vector to a block.
+    blocks: Vec<Columns>,
+    /// Near ones of all grains, and where those of each end.
+    hits: Vec<u32>,
+    ends: Vec<usize>,
+}
+
+/// Rows (x, y, z, reach) of [`WIDTH`] grains by columns.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(C, align(64))]
+struct Columns([[f64; WIDTH]; 4]);
+
+impl Search {
+    fn read(&mut self, rows: &[Row4]) {
+        self.blocks.clear();
+        for rows in rows.chunks(WIDTH) {
+            let mut block = Columns::default();
+            for (lane, row) in rows.iter().enumerate() {
+                (0..4).for_each(|c| block.0[c][lane] = row[c]);
+            }
+            self.blocks.push(block);
+        }
+    }
+}
+
+/// The search itself, a vector of candidates at a time.
+struct Sweep<'a> {
+    grid: &'a Grid,
+    rows: &'a [Row4],
+    search: &'a mut Search,
+}
+
+impl WithSimd for Sweep<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Search { blocks, hits, ends } = self.search;
+        let widest = self.rows.iter().map(|row| row[3]).fold(0.0, f64::max);
+        let mut count = 0;
+        ends.clear();
+        for (i, (&cell, row)) in self.grid.sorted.iter().zip(self.rows).enumerate() {
+            for range in self.grid.ranges(i, cell as usize, row, SLACK * (row[3] + widest)) {
+                let room = count + range.len() + WIDTH;
+                if hits.len() < room {
+                    hits.resize(2 * room, 0);
+                }
+                count = collect(simd, row, blocks, range, hits, count);
+            }
+            ends.push(count);
+        }
+    }
+}
+
+/// Writes the near ones of a range behind the first `count` hits and gives their new number. Every vector writes a vector, so
+/// that nothing depends on a guess.
 #[inline(always)]
-fn collect(a: &Row4, rows: &[Row4], range: Range<usize>, hits: &mut [u32]) -> usize {
-    let (first, mut count) = (range.start, 0);
-    for (j, b) in rows[range].iter().enumerate() {
-        hits[count] = (first + j) as u32;
-        count += usize::from(near(a, b));
+fn collect<S: Simd>(
+    simd: S,
+    row: &Row4,
+    blocks: &[Columns],
+    range: Range<usize>,
+    hits: &mut [u32],
+    mut count: usize,
+) -> usize {
+    if range.is_empty() {
+        return count;
+    }
+    let (first, last) = (range.start / WIDTH, (range.end - 1) / WIDTH);
+    for (b, block) in (first..).zip(&blocks[first..=last]) {
+        let base = b * WIDTH;
+        // Bits of the grains before and behind the range are not set.
+        let inside = (0xff << range.start.saturating_sub(base)) & (0xff >> (base + WIDTH).saturating_sub(range.end));
+        let near = near_bits(simd, row, block) & inside;
+        for (hit, lane) in hits[count..count + WIDTH].iter_mut().zip(PLACES[usize::from(near)]) {
+            *hit = base as u32 + lane;
+        }
+        count += near.count_ones() as usize;
     }
     count
 }
 
+/// Which grains of a block are near, one bit for each.
 #[inline(always)]
-fn near(a: &Row4, b: &Row4) -> bool {
-    let (x, y, z, reach) = (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]);
-    x * x + y * y + z * z < reach * reach
+fn near_bits<S: Simd>(simd: S, row: &Row4, Columns([x, y, z, reach]): &Columns) -> u8 {
+    const BITS: [f64; WIDTH] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
+    /// Added to a small whole number it leaves that in the last bits.
+    const WHOLE: f64 = (1_u64 << 52) as f64;
+    let zero = Lanes::zero(simd);
+    let mut sum = zero;
+    for part in 0..WIDTH / S::F64_LANES {
+        let between = [
+            zero.splat(row[0]) - Lanes::load(simd, x, part),
+            zero.splat(row[1]) - Lanes::load(simd, y, part),
+            zero.splat(row[2]) - Lanes::load(simd, z, part),
+        ];
+        let reach = zero.splat(row[3]) + Lanes::load(simd, reach, part);
+        let near = dot(between, between).less(reach * reach);
+        sum = sum + Lanes::pick(near, Lanes::load(simd, &BITS, part), zero);
+    }
+    (sum.sum() + WHOLE).to_bits() as u8
 }
+
+/// The places of the bits set in a number, and zeros behind them.
+const PLACES: [[u32; WIDTH]; 1 << WIDTH] = {
+    let mut places = [[0; WIDTH]; 1 << WIDTH];
+    let mut number = 0;
+    while number < places.len() {
+        let (mut bit, mut count) = (0, 0);
+        while bit < WIDTH {
+            if number >> bit & 1 == 1 {
+                places[number][count] = bit as u32;
+                count += 1;
+            }
+            bit += 1;
+        }
+        number += 1;
+    }
+    places
+};
 
 #[cfg(test)]
 mod tests {
+    use super::super::world::Vectors;
     use super::*;
     use crate::rng::Stream;
+
+    fn near(a: &Row4, b: &Row4) -> bool {
+        let (x, y, z, reach) = (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]);
+        x * x + y * y + z * z < reach * reach
+    }
 
     #[test]
     fn every_near_pair_is_found_once_and_in_order() {
@@ -181,12 +292,14 @@ mod tests {
         let mut grid = Grid::default();
         grid.sort(&rows, &vec![true; rows.len()], 0.1);
         rows = grid.order.iter().map(|&k| rows[k as usize]).collect();
-        let mut found = Vec::new();
-        grid.pairs(&rows, &mut Vec::new(), |i, j| found.push((i, j)));
         let all = (0..rows.len()).flat_map(|i| (i + 1..rows.len()).map(move |j| (i, j)));
         let expected: Vec<_> = all.filter(|&(i, j)| near(&rows[i], &rows[j])).collect();
         assert!(expected.len() > 800);
-        assert_eq!(found, expected);
+        for vectors in [Vectors::Scalar, Vectors::Avx2, Vectors::Widest] {
+            let mut found = Vec::new();
+            grid.pairs(vectors.arch(), &rows, &mut Search::default(), |i, j| found.push((i, j)));
+            assert_eq!(found, expected, "{vectors:?}");
+        }
     }
 
     #[test]

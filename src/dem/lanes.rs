@@ -148,6 +148,12 @@ impl<S: Simd> Lanes<S> {
         S::as_mut_simd_f64s(block).0[part] = self.1;
     }
 
+    /// The sum of all lanes, in no order that may be relied on.
+    #[inline(always)]
+    pub fn sum(self) -> f64 {
+        self.0.reduce_sum_f64s(self.1)
+    }
+
     /// The numbers; only the first `S::F64_LANES` mean something.
     #[inline(always)]
     pub fn numbers(self) -> [f64; WIDTH] {

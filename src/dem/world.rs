@@ -11,7 +11,7 @@ use super::clumps::{Clump, ClumpMotion, Clumps};
 use super::contact::{Coefficients, Constants, implicit};
 use super::drag;
 use super::forces::{AcrossForces, MAX_OVERLAP, PairForces, WallForces};
-use super::grid::Grid;
+use super::grid::{Grid, Search};
 use super::integrate::Integration;
 use super::lists::{Pairs, Rivals, WallList};
 use super::material::{Law, pair_length, time_step};
@@ -37,7 +37,7 @@ pub enum Vectors {
 }
 
 impl Vectors {
-    fn arch(self) -> Arch {
+    pub(super) fn arch(self) -> Arch {
         match self {
             Self::Widest => Arch::new(),
             #[cfg(target_arch = "x86_64")]
@@ -89,7 +89,7 @@ struct Spare {
     reach: Vec<Row4>,
     entry: Vec<u32>,
     limit: Vec<f64>,
-    hits: Vec<u32>,
+    search: Search,
 }
 
 /// Marks a grain without an entry in the old wall list.
@@ -486,11 +486,11 @@ impl World {
 
     fn list_pairs(&mut self, rupture: f64) {
         std::mem::swap(&mut self.pairs, &mut self.spare.pairs);
-        let Self { grains, clumps, pairs, law, skin, spare, .. } = self;
+        let Self { grains, clumps, pairs, law, skin, spare, arch, .. } = self;
         pairs.clear();
         skin.reaches(&grains.place, rupture, &mut spare.reach);
         let order = &spare.grid.order;
-        spare.grid.pairs(&spare.reach, &mut spare.hits, |i, j| {
+        spare.grid.pairs(*arch, &spare.reach, &mut spare.search, |i, j| {
             if clumps.joins(i, j) {
                 return;
             }
