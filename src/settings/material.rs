@@ -204,7 +204,8 @@ pub const MATERIAL: &[SettingSpec] = &[
         "1",
         (1.0, 1e-4, 10.0),
         ALL,
-        "factor on every stiffness (softening)",
+        "factor on every stiffness (softening); a damping in kg/s stays as it is, and keeps the restitution \
+         only if it is multiplied by the square root of this",
         "1 = true stiffness",
     ),
     SettingSpec::number(
