@@ -89,11 +89,23 @@ impl State {
     pub fn detail(&self) -> String {
         match self {
             Self::Fresh => String::new(),
-            Self::Stale(reasons) => reasons.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
+            Self::Stale(reasons) => listed(reasons),
             Self::Waiting(stages) => format!("after {}", stages.join(", ")),
             Self::Skipped(why) => (*why).to_owned(),
         }
     }
+}
+
+/// Reasons in words; of files that are not as they should be the first few are named, and the rest are counted.
+fn listed(reasons: &[Reason]) -> String {
+    const NAMED: usize = 3;
+    let (files, others): (Vec<_>, Vec<_>) =
+        reasons.iter().partition(|reason| matches!(reason, Reason::Output(_) | Reason::Leftover(_)));
+    let mut words: Vec<String> = others.iter().chain(files.iter().take(NAMED)).map(ToString::to_string).collect();
+    if files.len() > NAMED {
+        words.push(format!("the same of {} more files", files.len() - NAMED));
+    }
+    words.join("; ")
 }
 
 impl fmt::Display for Reason {
@@ -242,6 +254,15 @@ mod tests {
 
     fn stage(name: &str) -> &'static Stage {
         crate::stages::find(name).unwrap()
+    }
+
+    #[test]
+    fn a_few_files_are_named_and_the_rest_counted() {
+        let output = |k: usize| Reason::Output(format!("tables/{k}.parquet"));
+        let reasons: Vec<Reason> = (0..5).map(output).chain([Reason::Input("measured".to_owned())]).collect();
+        let detail = State::Stale(reasons).detail();
+        assert!(detail.starts_with("measured changed; tables/0.parquet is missing"), "{detail}");
+        assert!(detail.ends_with("; the same of 2 more files") && !detail.contains("tables/3"), "{detail}");
     }
 
     #[test]
