@@ -150,12 +150,14 @@ impl<'a> Rows<'a> {
 type Ends = [[usize; 2]; WIDTH];
 
 /// Pairs of one vector, as far as their places tell.
+#[derive(Clone, Copy)]
 struct Touch<S: Simd> {
-    /// d = x_i - x_j and its square.
+    /// d = x_i - x_j.
     between: [Lanes<S>; 3],
-    square: Lanes<S>,
-    /// R_i + R_j.
-    sum: Lanes<S>,
+    /// 1/|d|.
+    inverse: Lanes<S>,
+    /// Overlap δ = R_i + R_j - |d|.
+    overlap: Lanes<S>,
     /// Which pairs touch.
     active: Truths<S>,
 }
@@ -166,6 +168,9 @@ impl<S: Simd> Kernel<S> {
 
     /// Adds the forces between grains, with ACROSS of those whose second grain is seen a shift lower. Tells whether an
     /// overlap is too deep.
+    ///
+    /// Places of the next vector are looked at before the law is applied to this one, so that its root and division are under way
+    /// meanwhile.
     #[inline(always)]
     fn add_pairs<const ACROSS: bool>(
         self,
@@ -174,26 +179,52 @@ impl<S: Simd> Kernel<S> {
         law: &Coefficients,
         shift: Vec3,
     ) -> bool {
-        let count = list.len();
-        let mut deep = false;
+        let (count, vectors) = (list.len(), list.ends.len() / S::F64_LANES);
+        if vectors == 0 {
+            return false;
+        }
         let mut rows = Rows::of(grains);
-        let (ends, _) = list.ends.as_chunks::<WIDTH>();
         let Entries { blocks, live, .. } = &mut list.entries;
-        for (b, ((block, live), ends)) in blocks.iter_mut().zip(live).zip(ends).enumerate() {
-            let was_live = std::mem::replace(live, false);
-            for (part, ends) in ends.chunks_exact(S::F64_LANES).enumerate().take(Self::PARTS) {
-                let ends = rows.indices(ends);
-                let filled = Lanes::filled(self.simd, part, count - b * WIDTH);
-                let touch = self.touch::<ACROSS>(&rows, &ends, filled, shift);
-                if touch.active.any() {
-                    deep |= self.add_touching(&mut rows, &ends, &touch, block, part, law);
-                    *live = true;
-                } else if was_live {
-                    self.void_springs(block, part);
-                }
+        let mut next = self.touch_at::<ACROSS>(&rows, &list.ends, count, 0, shift);
+        let (mut deep, mut was_live) = (false, false);
+        for v in 0..vectors {
+            let touch = next;
+            if v + 1 < vectors {
+                next = self.touch_at::<ACROSS>(&rows, &list.ends, count, v + 1, shift);
+            }
+            let (b, part) = (v / Self::PARTS, v % Self::PARTS);
+            if part == 0 {
+                was_live = std::mem::replace(&mut live[b], false);
+            }
+            if touch.active.any() {
+                let ends = rows.indices(Self::vector(&list.ends, v));
+                deep |= self.add_touching(&mut rows, &ends, &touch, &mut blocks[b], part, law);
+                live[b] = true;
+            } else if was_live {
+                self.void_springs(&mut blocks[b], part);
             }
         }
         deep
+    }
+
+    /// The pairs of vector `v` of a list.
+    #[inline(always)]
+    fn vector(ends: &[[u32; 2]], v: usize) -> &[[u32; 2]] {
+        &ends[v * S::F64_LANES..][..S::F64_LANES]
+    }
+
+    /// Which of them touch, where the list has `count` pairs.
+    #[inline(always)]
+    fn touch_at<const ACROSS: bool>(
+        self,
+        rows: &Rows,
+        ends: &[[u32; 2]],
+        count: usize,
+        v: usize,
+        shift: Vec3,
+    ) -> Touch<S> {
+        let filled = Lanes::filled(self.simd, v % Self::PARTS, count - v / Self::PARTS * WIDTH);
+        self.touch::<ACROSS>(rows, &rows.indices(Self::vector(ends, v)), filled, shift)
     }
 
     /// The same for pairs of which few touch: those are looked for first and then taken a full vector at a time.
@@ -289,11 +320,16 @@ impl<S: Simd> Kernel<S> {
         let apart = [x, y, z];
         let between = if ACROSS { add(apart, splat(x, shift)) } else { apart };
         let square = dot(between, between);
-        Touch { between, square, sum, active: square.less(sum * sum) & filled }
+        let distance = square.sqrt();
+        Touch {
+            between,
+            inverse: distance.splat(1.0) / distance,
+            overlap: sum - distance,
+            active: square.less(sum * sum) & filled,
+        }
     }
 
-    /// Applies the law to pairs that touch, with normals n = d/|d|, overlaps δ = R_i + R_j - |d| and arms R - δ/2; tells
-    /// whether an overlap is too deep.
+    /// Applies the law to pairs that touch, with normals n = d/|d| and arms R - δ/2; tells whether an overlap is too deep.
     #[inline(always)]
     fn respond_pairs(
         self,
@@ -308,13 +344,12 @@ impl<S: Simd> Kernel<S> {
         let [vx, vy, vz, _] = self.transposer.gather_between(a, b);
         let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0]]);
         let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1]]);
-        let distance = touch.square.sqrt();
-        let overlap = touch.sum - distance;
+        let overlap = touch.overlap;
         let smaller = Lanes::pick(radius_i.less(radius_j), radius_i, radius_j);
         let deep = touch.active & (overlap.splat(MAX_OVERLAP) * smaller).less(overlap);
         let half = overlap.splat(0.5) * overlap;
         let contact = Kinematics {
-            normal: scale(touch.between, overlap.splat(1.0) / distance),
+            normal: scale(touch.between, touch.inverse),
             overlap,
             velocity: [vx, vy, vz],
             spin_i: [ax, ay, az],
