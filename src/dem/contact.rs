@@ -150,6 +150,9 @@ pub fn implicit(damping: f64, inverse_mass: f64, time_step: f64) -> f64 {
 #[inline(always)]
 fn normal_force<T: Number>(law: &Coefficients, overlap: T, damping: T, approach: T) -> T {
     let force = overlap.splat(law.normal) * overlap - damping * approach;
+    if law.floor == f64::NEG_INFINITY {
+        return force;
+    }
     let floor = overlap.splat(law.floor);
     T::pick(force.less(floor), floor, force)
 }

@@ -341,7 +341,7 @@ impl<S: Simd> Kernel<S> {
         law: &Coefficients,
     ) -> (Response<Lanes<S>>, bool) {
         let (a, b) = (|l: usize| *rows.motion[ends[l][0]], |l: usize| *rows.motion[ends[l][1]]);
-        let [vx, vy, vz, _] = self.transposer.gather_between(a, b);
+        let [vx, vy, vz, _] = self.transposer.gather_difference(a, b);
         let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0]]);
         let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1]]);
         let overlap = touch.overlap;
@@ -405,17 +405,24 @@ impl<S: Simd> Kernel<S> {
     }
 
     /// Adds zero for the lanes that do not touch, which changes no bit of a load.
+    ///
+    /// In a sorted list a first grain comes several times in a row, and its sum is kept at hand meanwhile: to read a row back that was
+    /// just stored takes several times as long as to add to it. No pair of such a row has that grain as its second.
     #[inline(always)]
     fn add_pair_loads(self, response: &Response<Lanes<S>>, active: Truths<S>, load: &mut [Row8], ends: &Ends) {
         let force = self.rows(active, response.force);
         let (torque_i, counter_torque_j) =
             (self.rows(active, response.torque_i), self.rows(active, response.counter_torque_j));
+        let (mut sum, mut last) = (Row8::default(), usize::MAX);
         for (l, &[i, j]) in ends.iter().enumerate().take(S::F64_LANES) {
-            let row = &mut load[i];
-            for c in 0..4 {
-                row[c] += force.of(l)[c];
-                row[c + 4] += torque_i.of(l)[c];
+            if i != last {
+                (sum, last) = (load[i], i);
             }
+            for c in 0..4 {
+                sum[c] += force.of(l)[c];
+                sum[c + 4] += torque_i.of(l)[c];
+            }
+            load[i] = sum;
             let row = &mut load[j];
             for c in 0..4 {
                 row[c] -= force.of(l)[c];

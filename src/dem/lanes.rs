@@ -240,6 +240,16 @@ impl<S: Simd> Transposer<S> {
         self.lanes(a)
     }
 
+    /// Lanes from the differences of two rows each.
+    #[inline(always)]
+    pub fn gather_difference(self, a: impl Fn(usize) -> [f64; 4], b: impl Fn(usize) -> [f64; 4]) -> [Lanes<S>; 4] {
+        let (mut a, b) = (self.in_slots(a), self.in_slots(b));
+        for k in 0..4 {
+            a[k] = self.0.sub_f64s(a[k], b[k]);
+        }
+        self.lanes(a)
+    }
+
     /// The rows of all lanes as the shuffles take them.
     #[inline(always)]
     fn in_slots(self, row: impl Fn(usize) -> [f64; 4]) -> [S::f64s; 4] {
