@@ -5,7 +5,7 @@
 //! stored as their bits (little endian), never as decimal text.
 //!
 //! ```text
-//! magic line | identity: digest of physics version, seed and set-up | state | digest of all before
+//! magic line | identity: digest of physics version, layout, seed and set-up | state | digest of all before
 //! ```
 
 use super::PHYSICS_VERSION;
@@ -14,6 +14,8 @@ use super::vector::{Row4, Row8};
 use crate::canonical::{Digest, Encoder, digest};
 
 const MAGIC: &[u8] = b"granulake checkpoint 1\n";
+/// Version of what the state holds, and in which order.
+const LAYOUT: u64 = 2;
 const IDENTITY_CONTEXT: &str = "granulake 2026 checkpoint identity v1";
 /// Length of a digest.
 const DIGEST: usize = 32;
@@ -87,10 +89,11 @@ impl Checkpoint {
     }
 }
 
-/// What a run is: physics version, seed and every number of the set-up, whose debug text gives each back exactly.
+/// What a run is: physics version, seed and every number of the set-up, whose debug text gives each back exactly; and the layout
+/// of its state.
 fn identity(setup: &Setup, seed: u64) -> Digest {
     let mut encoder = Encoder::new();
-    encoder.u64(u64::from(PHYSICS_VERSION)).u64(seed).str(&format!("{setup:?}"));
+    encoder.u64(u64::from(PHYSICS_VERSION)).u64(LAYOUT).u64(seed).str(&format!("{setup:?}"));
     digest(IDENTITY_CONTEXT, &encoder)
 }
 

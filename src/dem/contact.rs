@@ -35,10 +35,15 @@ pub struct Constants<T = f64> {
     pub rolling_damping: T,
     /// Rolling length D [m].
     pub length: T,
+}
+
+/// Friction of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Friction<T = f64> {
     /// Sliding friction μ_s [-].
-    pub sliding_friction: T,
+    pub sliding: T,
     /// Rolling friction μ_r [-].
-    pub rolling_friction: T,
+    pub rolling: T,
 }
 
 /// Springs of a contact [m].
@@ -91,6 +96,7 @@ pub struct Coefficients {
 pub fn respond<T: Number>(
     contact: &Kinematics<T>,
     constants: &Constants<T>,
+    friction: &Friction<T>,
     springs: &Springs<T>,
     law: &Coefficients,
 ) -> Response<T> {
@@ -103,23 +109,23 @@ pub fn respond<T: Number>(
         stiffness: like.splat(law.sliding),
         compliance: like.splat(law.sliding_compliance),
         damping: constants.damping * like.splat(law.sliding_damping_ratio),
-        limit: constants.sliding_friction * normal.abs(),
+        limit: friction.sliding * normal.abs(),
         time_step: like.splat(law.time_step),
     };
-    let (friction, sliding) = slider.pull(springs.sliding, sub(slip, scale(n, approach)), n);
+    let (tangential, sliding) = slider.pull(springs.sliding, sub(slip, scale(n, approach)), n);
     let slider = Slider {
         stiffness: like.splat(law.rolling),
         compliance: like.splat(law.rolling_compliance),
         damping: constants.rolling_damping,
-        limit: constants.rolling_friction * normal.abs(),
+        limit: friction.rolling * normal.abs(),
         time_step: like.splat(law.time_step),
     };
     let (pseudo, rolling) = slider.pull(springs.rolling, roll_velocity(constants.length, n, spin_i, spin_j), n);
 
-    let lever = cross(n, friction);
+    let lever = cross(n, tangential);
     let couple = scale(cross(n, pseudo), constants.length);
     Response {
-        force: add(scale(n, normal), friction),
+        force: add(scale(n, normal), tangential),
         torque_i: sub(couple, scale(lever, arm_i)),
         counter_torque_j: add(couple, scale(lever, arm_j)),
         springs: Springs { sliding, rolling },
@@ -249,14 +255,10 @@ mod tests {
             arm_i: radius - 0.5 * overlap,
             arm_j: radius - 0.5 * overlap,
         };
-        let constants = Constants {
-            damping: 1.0,
-            rolling_damping: 0.5,
-            length: radius,
-            sliding_friction: 0.4,
-            rolling_friction: 0.2,
-        };
-        respond(&contact, &constants, &Springs { sliding: [0.1, 0.0, 0.0], rolling: [0.1, 0.0, 0.0] }, &LAW)
+        let constants = Constants { damping: 1.0, rolling_damping: 0.5, length: radius };
+        let friction = Friction { sliding: 0.4, rolling: 0.2 };
+        let springs = Springs { sliding: [0.1, 0.0, 0.0], rolling: [0.1, 0.0, 0.0] };
+        respond(&contact, &constants, &friction, &springs, &LAW)
     }
 
     /// Friction is limited to μ_s |F_n| and the rolling torque to μ_r |F_n| D, which is μ_r |F_n| R between equal spheres.

@@ -4,7 +4,7 @@
 //! Listed contacts that do not touch go along in their lane and give zero; a vector in which none touches is left early, and of a
 //! list of which few touch full vectors of these are made.
 
-use super::contact::{Coefficients, Constants, Kinematics, Response, Springs, respond};
+use super::contact::{Coefficients, Constants, Friction, Kinematics, Response, Springs, respond};
 use super::lanes::{LaneRows, Lanes, Mask, Number, Transposer, Truths, WIDTH};
 use super::lists::{Block, Entries, PairList, Pairs, Rivals, Row, WallList};
 use super::particles::Particles;
@@ -13,7 +13,7 @@ use super::vector::{Row4, Row8, add, dot, pick, scale, splat, sub, xyz};
 use super::walls::{Geometry, Surface, WallPiece, keeper};
 use pulp::{Simd, WithSimd};
 
-/// Overlap over radius beyond which a run counts as exploded [-].
+/// Overlap over the smaller radius beyond which a run counts as exploded [-].
 pub const MAX_OVERLAP: f64 = 0.5;
 
 /// Forces between grains, evaluated with the widest vectors of the machine.
@@ -24,19 +24,23 @@ pub struct PairForces<'a> {
     pub pairs: &'a mut Pairs,
     /// The law between grains.
     pub law: &'a Coefficients,
+    /// Friction of pairs without one of their own.
+    pub friction: &'a Friction,
+    /// Overlap that is not too deep for any grain, [`MAX_OVERLAP`] times the smallest radius [m].
+    pub harmless: f64,
     /// Work space: pairs that have met since the last rebuild.
     pub met: &'a mut Vec<u32>,
 }
 
 impl WithSimd for PairForces<'_> {
-    /// Whether an overlap is beyond [`MAX_OVERLAP`].
+    /// Whether an overlap is beyond the harmless.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let kernel = Kernel { simd, transposer: Transposer(simd) };
-        let deep = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.law, [0.0; 3]);
-        deep | kernel.add_met_pairs(self.grains, &mut self.pairs.apart, self.law, self.met)
+        let kernel = Kernel::new(simd, self.law, self.harmless);
+        let suspect = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.friction, [0.0; 3]);
+        suspect | kernel.add_met_pairs(self.grains, &mut self.pairs.apart, self.friction, self.met)
     }
 }
 
@@ -48,18 +52,22 @@ pub struct AcrossForces<'a> {
     pub list: &'a mut PairList,
     /// The law between grains.
     pub law: &'a Coefficients,
+    /// Friction of pairs without one of their own.
+    pub friction: &'a Friction,
+    /// Overlap that is not too deep for any grain, [`MAX_OVERLAP`] times the smallest radius [m].
+    pub harmless: f64,
     /// How far below itself the second grain is seen [m].
     pub shift: Vec3,
 }
 
 impl WithSimd for AcrossForces<'_> {
-    /// Whether an overlap is beyond [`MAX_OVERLAP`].
+    /// Whether an overlap is beyond the harmless.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let kernel = Kernel { simd, transposer: Transposer(simd) };
-        kernel.add_pairs::<true>(self.grains, self.list, self.law, self.shift)
+        let kernel = Kernel::new(simd, self.law, self.harmless);
+        kernel.add_pairs::<true>(self.grains, self.list, self.friction, self.shift)
     }
 }
 
@@ -75,27 +83,29 @@ pub struct WallForces<'a> {
     pub walls: &'a [WallPiece],
     /// The law at walls.
     pub law: &'a Coefficients,
+    /// Overlap that is not too deep for any grain, [`MAX_OVERLAP`] times the smallest radius [m].
+    pub harmless: f64,
     /// Work space: dropped wall contacts and the kept ones whose springs they inherit.
     pub inherit: &'a mut Vec<[u32; 2]>,
 }
 
 impl WithSimd for WallForces<'_> {
-    /// Whether an overlap is beyond [`MAX_OVERLAP`].
+    /// Whether an overlap is beyond the harmless.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Self { grains, contacts: list, rivals, walls, law, inherit } = self;
-        let kernel = Kernel { simd, transposer: Transposer(simd) };
-        let mut deep = false;
+        let Self { grains, contacts: list, rivals, walls, law, harmless, inherit } = self;
+        let kernel = Kernel::new(simd, law, harmless);
+        let mut suspect = false;
         inherit.clear();
         // One loop per wall, with its geometry inlined. Of a mesh most triangles are listed for no grain and stay unread.
         for (w, wall) in walls.iter().enumerate() {
             if list.of_wall(w).is_empty() {
                 continue;
             }
-            let mut pass = WallPass { kernel, rows: Rows::of(grains), list, rivals, walls, wall: w, law, inherit };
-            deep |= match &wall.surface {
+            let mut pass = WallPass { kernel, rows: Rows::of(grains), list, rivals, walls, wall: w, inherit };
+            suspect |= match &wall.surface {
                 Surface::Plane(plane) => pass.run(plane),
                 Surface::Rectangle(rectangle) => pass.run(rectangle),
                 Surface::Cylinder(cylinder) => pass.run(cylinder),
@@ -106,15 +116,17 @@ impl WithSimd for WallForces<'_> {
         for &[dropped, kept] in inherit.iter() {
             list.entries.inherit(kept as usize, dropped as usize);
         }
-        deep
+        suspect
     }
 }
 
 /// The loops for one width of vectors.
 #[derive(Clone, Copy)]
-struct Kernel<S: Simd> {
+struct Kernel<'a, S: Simd> {
     simd: S,
     transposer: Transposer<S>,
+    law: &'a Coefficients,
+    harmless: f64,
 }
 
 /// Rows of all grains, cut to one length: an index that is good for one of them is good for all, and is checked once.
@@ -162,12 +174,17 @@ struct Touch<S: Simd> {
     active: Truths<S>,
 }
 
-impl<S: Simd> Kernel<S> {
+impl<'a, S: Simd> Kernel<'a, S> {
     /// Vectors per block.
     const PARTS: usize = WIDTH / S::F64_LANES;
 
+    #[inline(always)]
+    fn new(simd: S, law: &'a Coefficients, harmless: f64) -> Self {
+        Self { simd, transposer: Transposer(simd), law, harmless }
+    }
+
     /// Adds the forces between grains, with ACROSS of those whose second grain is seen a shift lower. Tells whether an
-    /// overlap is too deep.
+    /// overlap may be too deep.
     ///
     /// Places of the next vector are looked at before the law is applied to this one, so that its root and division are under way
     /// meanwhile.
@@ -176,84 +193,96 @@ impl<S: Simd> Kernel<S> {
         self,
         grains: &mut Particles,
         list: &mut PairList,
-        law: &Coefficients,
+        friction: &Friction,
         shift: Vec3,
     ) -> bool {
-        let (count, vectors) = (list.len(), list.ends.len() / S::F64_LANES);
-        if vectors == 0 {
-            return false;
-        }
-        let mut rows = Rows::of(grains);
+        let (mut rows, count) = (Rows::of(grains), list.len());
+        let (friction, every) = (self.splat_friction(friction), Lanes::filled(self.simd, 0, WIDTH));
+        let mut vectors = list.ends.chunks_exact(S::F64_LANES);
+        let Some(mut coming) = vectors.next() else { return false };
+        let filled = Lanes::filled(self.simd, 0, count);
+        let mut next = self.touch::<ACROSS>(&rows, &rows.indices(coming), filled, shift);
         let Entries { blocks, live, .. } = &mut list.entries;
-        let mut next = self.touch_at::<ACROSS>(&rows, &list.ends, count, 0, shift);
-        let (mut deep, mut was_live) = (false, false);
-        for v in 0..vectors {
-            let touch = next;
-            if v + 1 < vectors {
-                next = self.touch_at::<ACROSS>(&rows, &list.ends, count, v + 1, shift);
+        let (mut v, mut suspect) = (0, false);
+        for (b, (block, live)) in blocks.iter_mut().zip(live).enumerate() {
+            let was_live = *live;
+            let mut touches = false;
+            for part in 0..Self::PARTS {
+                let (ends, touch) = (coming, next);
+                if let Some(ends) = vectors.next() {
+                    coming = ends;
+                    v += 1;
+                    let filled = if v < count / S::F64_LANES { every } else { Lanes::filled(self.simd, v, count) };
+                    next = self.touch::<ACROSS>(&rows, &rows.indices(ends), filled, shift);
+                }
+                if touch.active.any() {
+                    let ends = rows.indices(ends);
+                    let friction = self.friction(list.frictions.get(b), part, friction);
+                    suspect |= self.add_touching(&mut rows, &ends, &touch, block, part, &friction);
+                    touches = true;
+                } else if was_live {
+                    self.void_springs(block, part);
+                }
             }
-            let (b, part) = (v / Self::PARTS, v % Self::PARTS);
-            if part == 0 {
-                was_live = std::mem::replace(&mut live[b], false);
-            }
-            if touch.active.any() {
-                let ends = rows.indices(Self::vector(&list.ends, v));
-                deep |= self.add_touching(&mut rows, &ends, &touch, &mut blocks[b], part, law);
-                live[b] = true;
-            } else if was_live {
-                self.void_springs(&mut blocks[b], part);
+            if touches != was_live {
+                *live = touches;
             }
         }
-        deep
+        suspect
     }
 
-    /// The pairs of vector `v` of a list.
+    /// The same friction in every lane.
     #[inline(always)]
-    fn vector(ends: &[[u32; 2]], v: usize) -> &[[u32; 2]] {
-        &ends[v * S::F64_LANES..][..S::F64_LANES]
+    fn splat_friction(self, friction: &Friction) -> Friction<Lanes<S>> {
+        let zero = Lanes::zero(self.simd);
+        Friction { sliding: zero.splat(friction.sliding), rolling: zero.splat(friction.rolling) }
     }
 
-    /// Which of them touch, where the list has `count` pairs.
+    /// Friction of the pairs of a vector: their own, or that of all.
     #[inline(always)]
-    fn touch_at<const ACROSS: bool>(
-        self,
-        rows: &Rows,
-        ends: &[[u32; 2]],
-        count: usize,
-        v: usize,
-        shift: Vec3,
-    ) -> Touch<S> {
-        let filled = Lanes::filled(self.simd, v % Self::PARTS, count - v / Self::PARTS * WIDTH);
-        self.touch::<ACROSS>(rows, &rows.indices(Self::vector(ends, v)), filled, shift)
+    fn friction(self, own: Option<&[Row; 2]>, part: usize, of_all: Friction<Lanes<S>>) -> Friction<Lanes<S>> {
+        match own {
+            Some([sliding, rolling]) => Friction {
+                sliding: Lanes::load(self.simd, sliding, part),
+                rolling: Lanes::load(self.simd, rolling, part),
+            },
+            None => of_all,
+        }
     }
 
-    /// The same for pairs of which few touch: those are looked for first and then taken a full vector at a time.
+    /// Adds the forces of pairs of which few touch: those are looked for first and then taken a full vector at a time.
     #[inline(always)]
     fn add_met_pairs(
         self,
         grains: &mut Particles,
         list: &mut PairList,
-        law: &Coefficients,
+        friction: &Friction,
         met: &mut Vec<u32>,
     ) -> bool {
         let mut rows = Rows::of(grains);
         self.find_met(&rows, list, met);
-        let (ends, blocks) = (&list.ends, &mut list.entries.blocks);
-        let mut deep = false;
+        let PairList { ends, entries: Entries { blocks, .. }, frictions, .. } = list;
+        let mut suspect = false;
         for met in met.chunks(S::F64_LANES) {
-            let (mut few, mut block) = ([[0; 2]; WIDTH], Block::default());
+            let (mut few, mut block, mut own) = ([[0; 2]; WIDTH], Block::default(), [Row::default(); 2]);
             for (lane, &k) in met.iter().enumerate() {
+                let (b, from) = (k as usize / WIDTH, k as usize % WIDTH);
                 few[lane] = ends[k as usize];
-                block.copy(lane, &blocks[k as usize / WIDTH], k as usize % WIDTH);
+                block.copy_constants(lane, &blocks[b], from);
+                block.copy_springs(lane, &blocks[b], from);
+                if let Some(frictions) = frictions.get(b) {
+                    (0..2).for_each(|kind| own[kind][lane] = frictions[kind][from]);
+                }
             }
             let few = rows.indices(&few);
             let touch = self.touch::<false>(&rows, &few, Lanes::filled(self.simd, 0, met.len()), [0.0; 3]);
-            deep |= self.add_touching(&mut rows, &few, &touch, &mut block, 0, law);
+            let friction = self.friction((!frictions.is_empty()).then_some(&own), 0, self.splat_friction(friction));
+            suspect |= self.add_touching(&mut rows, &few, &touch, &mut block, 0, &friction);
             for (lane, &k) in met.iter().enumerate() {
                 blocks[k as usize / WIDTH].copy_springs(k as usize % WIDTH, &block, lane);
             }
         }
-        deep
+        suspect
     }
 
     /// Lists the pairs that touch, in order, and voids the springs of the others.
@@ -295,7 +324,7 @@ impl<S: Simd> Kernel<S> {
         found
     }
 
-    /// Applies the law to pairs that touch, keeps their springs and adds their loads; tells whether an overlap is too deep.
+    /// Applies the law to pairs that touch, keeps their springs and adds their loads; tells whether an overlap may be too deep.
     #[inline(always)]
     fn add_touching(
         self,
@@ -304,12 +333,12 @@ impl<S: Simd> Kernel<S> {
         touch: &Touch<S>,
         block: &mut Block,
         part: usize,
-        law: &Coefficients,
+        friction: &Friction<Lanes<S>>,
     ) -> bool {
-        let (response, deep) = self.respond_pairs(rows, ends, touch, block, part, law);
+        let (response, suspect) = self.respond_pairs(rows, ends, touch, block, part, friction);
         self.store_springs(&response.springs, touch.active, block, part);
         self.add_pair_loads(&response, touch.active, rows.load, ends);
-        deep
+        suspect
     }
 
     /// Which pairs touch.
@@ -329,7 +358,7 @@ impl<S: Simd> Kernel<S> {
         }
     }
 
-    /// Applies the law to pairs that touch, with normals n = d/|d| and arms R - δ/2; tells whether an overlap is too deep.
+    /// Applies the law to pairs that touch, with normals n = d/|d| and arms R - δ/2; tells whether an overlap may be too deep.
     #[inline(always)]
     fn respond_pairs(
         self,
@@ -338,15 +367,14 @@ impl<S: Simd> Kernel<S> {
         touch: &Touch<S>,
         block: &Block,
         part: usize,
-        law: &Coefficients,
+        friction: &Friction<Lanes<S>>,
     ) -> (Response<Lanes<S>>, bool) {
         let (a, b) = (|l: usize| *rows.motion[ends[l][0]], |l: usize| *rows.motion[ends[l][1]]);
         let [vx, vy, vz, _] = self.transposer.gather_difference(a, b);
         let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0]]);
         let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1]]);
         let overlap = touch.overlap;
-        let smaller = Lanes::pick(radius_i.less(radius_j), radius_i, radius_j);
-        let deep = touch.active & (overlap.splat(MAX_OVERLAP) * smaller).less(overlap);
+        let suspect = self.is_suspect(touch.active, overlap);
         let half = overlap.splat(0.5) * overlap;
         let contact = Kinematics {
             normal: scale(touch.between, touch.inverse),
@@ -357,18 +385,24 @@ impl<S: Simd> Kernel<S> {
             arm_i: radius_i - half,
             arm_j: radius_j - half,
         };
-        (respond(&contact, &self.constants(block, part), &self.springs(block, part), law), deep.any())
+        let (constants, springs) = (self.constants(block, part), self.springs(block, part));
+        (respond(&contact, &constants, friction, &springs, self.law), suspect)
+    }
+
+    /// Whether an overlap may be too deep. Which one is, and with what radii, is not asked here: in this loop even a path that is never
+    /// taken costs registers.
+    #[inline(always)]
+    fn is_suspect(self, active: Truths<S>, overlap: Lanes<S>) -> bool {
+        (active & overlap.splat(self.harmless).less(overlap)).any()
     }
 
     #[inline(always)]
     fn constants(self, block: &Block, part: usize) -> Constants<Lanes<S>> {
-        let [damping, rolling_damping, length, sliding_friction, rolling_friction] = &block.constants;
+        let [damping, rolling_damping, length] = &block.constants;
         Constants {
             damping: Lanes::load(self.simd, damping, part),
             rolling_damping: Lanes::load(self.simd, rolling_damping, part),
             length: Lanes::load(self.simd, length, part),
-            sliding_friction: Lanes::load(self.simd, sliding_friction, part),
-            rolling_friction: Lanes::load(self.simd, rolling_friction, part),
         }
     }
 
@@ -440,13 +474,12 @@ impl<S: Simd> Kernel<S> {
 
 /// All contacts with one wall.
 struct WallPass<'a, S: Simd> {
-    kernel: Kernel<S>,
+    kernel: Kernel<'a, S>,
     rows: Rows<'a>,
     list: &'a mut WallList,
     rivals: &'a Rivals,
     walls: &'a [WallPiece],
     wall: usize,
-    law: &'a Coefficients,
     inherit: &'a mut Vec<[u32; 2]>,
 }
 
@@ -454,25 +487,25 @@ impl<S: Simd> WallPass<'_, S> {
     #[inline(always)]
     fn run(&mut self, surface: &impl Geometry) -> bool {
         let range = self.list.of_wall(self.wall);
-        let mut deep = false;
+        let mut suspect = false;
         for first in range.clone().step_by(WIDTH) {
             let mut live = false;
-            for part in 0..Kernel::<S>::PARTS {
+            for part in 0..Kernel::<'_, S>::PARTS {
                 let filled = Lanes::filled(self.kernel.simd, part, range.end - first);
                 let base = first + part * S::F64_LANES;
-                let (touches, too_deep) = self.part(base, part, filled, surface);
+                let (touches, is_suspect) = self.part(base, part, filled, surface);
                 live |= touches;
-                deep |= too_deep;
+                suspect |= is_suspect;
             }
             self.list.entries.live[first / WIDTH] = live;
         }
-        deep
+        suspect
     }
 
-    /// Evaluates the contacts from entry `base` on; tells whether any touches, and whether one is too deep.
+    /// Evaluates the contacts from entry `base` on; tells whether any touches, and whether one may be too deep.
     #[inline(always)]
     fn part(&mut self, base: usize, part: usize, filled: Truths<S>, surface: &impl Geometry) -> (bool, bool) {
-        let Kernel { simd, transposer } = self.kernel;
+        let Kernel { simd, transposer, .. } = self.kernel;
         let mut grain = [0; WIDTH];
         grain[..S::F64_LANES].copy_from_slice(&self.list.grain[base..base + S::F64_LANES]);
         let [x, y, z, radius] = transposer.gather(|l| *self.rows.place[grain[l] as usize]);
@@ -490,7 +523,7 @@ impl<S: Simd> WallPass<'_, S> {
             }
             return (false, false);
         }
-        let deep = active & (radius.splat(MAX_OVERLAP) * radius).less(overlap);
+        let suspect = self.kernel.is_suspect(active, overlap);
         let [vx, vy, vz, _] = transposer.gather(|l| *self.rows.motion[grain[l] as usize]);
         let [wx, wy, wz, _] = transposer.gather(|l| *self.rows.spin[grain[l] as usize]);
         let contact = Kinematics {
@@ -503,10 +536,13 @@ impl<S: Simd> WallPass<'_, S> {
             arm_j: zero,
         };
         let (constants, springs) = (self.kernel.constants(block, part), self.kernel.springs(block, part));
-        let response = respond(&contact, &constants, &springs, self.law);
+        let species = self.walls[self.wall].species;
+        let friction =
+            Friction { sliding: zero.splat(species.sliding_friction), rolling: zero.splat(species.rolling_friction) };
+        let response = respond(&contact, &constants, &friction, &springs, self.kernel.law);
         self.kernel.store_springs(&response.springs, active, block, part);
         add_loads(&self.kernel, &response, active, self.rows.load, &grain);
-        (true, deep.any())
+        (true, suspect)
     }
 
     /// Which of the edge contacts are not dropped in favour of another piece; notes whose springs the dropped ones inherit.
@@ -538,7 +574,7 @@ impl<S: Simd> WallPass<'_, S> {
 /// Adds force and torque on the grains at a wall.
 #[inline(always)]
 fn add_loads<S: Simd>(
-    kernel: &Kernel<S>,
+    kernel: &Kernel<'_, S>,
     response: &Response<Lanes<S>>,
     active: Truths<S>,
     load: &mut [Row8],

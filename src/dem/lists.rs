@@ -1,13 +1,15 @@
 //! Contact lists: which grains and walls may touch before the next rebuild, with the springs of those that do.
 //!
-//! Pairs are sorted by (i, j), wall contacts by (wall, grain); forces are added in this order, which fixes the bits.
+//! Pairs are sorted by (i, j) and wall contacts by wall; forces are added in this order, which fixes the bits. Those of one wall may
+//! stand in any order, because a grain has one contact with it: the ones that touch come first, so that their vectors are full.
 //! Springs are stored beside their contact and move with it when the lists are rebuilt and the grains renumbered.
 //! Contacts stand in blocks of [`WIDTH`], one array per number, so that a vector of them is one load; a list is padded to whole
 //! blocks with entries that belong to grain 0 and are never touched.
 
 use super::checkpoint::stored;
-use super::contact::{Constants, Springs};
+use super::contact::{Constants, Friction, Springs};
 use super::lanes::WIDTH;
+use std::ops::Range;
 
 /// One number of every contact in a block.
 pub type Row = [f64; WIDTH];
@@ -18,21 +20,20 @@ pub type Row = [f64; WIDTH];
 pub struct Block {
     /// Springs: ξ, then ξ_r [m]; zero unless the contact touched in the last evaluation.
     pub springs: [Row; 6],
-    /// γ_n and γ_r [kg/s], D [m], sliding and rolling friction.
-    pub constants: [Row; 5],
+    /// γ_n and γ_r [kg/s], D [m].
+    pub constants: [Row; 3],
 }
 
 impl Block {
-    /// Lane `to` becomes lane `from` of another block.
+    /// Constants of lane `to` become those of lane `from` of another block.
     #[inline(always)]
-    pub fn copy(&mut self, to: usize, other: &Self, from: usize) {
-        self.copy_springs(to, other, from);
+    pub fn copy_constants(&mut self, to: usize, other: &Self, from: usize) {
         for (row, other) in self.constants.iter_mut().zip(&other.constants) {
             row[to] = other[from];
         }
     }
 
-    /// The same for the springs alone.
+    /// The same for the springs.
     #[inline(always)]
     pub fn copy_springs(&mut self, to: usize, other: &Self, from: usize) {
         for (row, other) in self.springs.iter_mut().zip(&other.springs) {
@@ -59,6 +60,8 @@ pub struct PairList {
     pub ends: Vec<[u32; 2]>,
     /// Constants and springs.
     pub entries: Entries,
+    /// Sliding and rolling friction of the pairs, one entry per block; none where every pair has the law's.
+    pub frictions: Vec<[Row; 2]>,
     /// Number of pairs.
     len: usize,
     /// First pair of each grain, up to the last grain that has one.
@@ -85,20 +88,20 @@ pub struct WallList {
     pub grain: Vec<u32>,
     /// Constants and springs.
     pub entries: Entries,
-    /// First contact of each wall and the one after its last.
-    ranges: Vec<[u32; 2]>,
+    /// Of each wall the first contact, the first of those that did not touch at the last rebuild, and the one after the last.
+    ranges: Vec<[u32; 3]>,
 }
 
 stored!(Block { springs, constants });
 stored!(Entries { blocks, live, bridge });
-stored!(PairList { ends, entries, len, start });
+stored!(PairList { ends, entries, frictions, len, start });
 stored!(Pairs { touching, apart, across });
 stored!(WallList { grain, entries, ranges });
 
 /// Which walls every grain may touch: the lists of walls the other way round.
 #[derive(Debug, Clone, Default)]
 pub struct Rivals {
-    /// First entry of each grain, and the end of the last.
+    /// First of each grain, and the end of the last.
     start: Vec<u32>,
     walls: Vec<u32>,
 }
@@ -163,16 +166,18 @@ impl Entries {
             return;
         };
         let (block, lane) = (&mut self.blocks[k / WIDTH], k % WIDTH);
-        block.copy(lane, &old.blocks[from / WIDTH], from % WIDTH);
-        block.springs[..3].iter_mut().for_each(|row| row[lane] *= sign);
+        block.copy_constants(lane, &old.blocks[from / WIDTH], from % WIDTH);
+        if old.live[from / WIDTH] {
+            block.copy_springs(lane, &old.blocks[from / WIDTH], from % WIDTH);
+            block.springs[..3].iter_mut().for_each(|row| row[lane] *= sign);
+            self.live[k / WIDTH] = true;
+        }
         self.set_bridge(k, old.has_bridge(from));
-        self.live[k / WIDTH] |= old.live[from / WIDTH];
     }
 
     fn set_constants(&mut self, k: usize, constants: &Constants) {
-        let Constants { damping, rolling_damping, length, sliding_friction, rolling_friction } = *constants;
-        let numbers = [damping, rolling_damping, length, sliding_friction, rolling_friction];
-        for (row, number) in self.blocks[k / WIDTH].constants.iter_mut().zip(numbers) {
+        let Constants { damping, rolling_damping, length } = *constants;
+        for (row, number) in self.blocks[k / WIDTH].constants.iter_mut().zip([damping, rolling_damping, length]) {
             row[k % WIDTH] = number;
         }
     }
@@ -221,6 +226,7 @@ impl PairList {
         let whole = self.ends.len() == self.entries.capacity() && self.len <= self.ends.len();
         whole
             && self.entries.is_consistent()
+            && (self.frictions.is_empty() || self.frictions.len() == self.entries.blocks.len())
             && self.ends.iter().all(known)
             && self.start.iter().all(|&first| first as usize <= self.len)
     }
@@ -239,12 +245,21 @@ impl PairList {
     pub fn clear(&mut self) {
         self.ends.clear();
         self.entries.clear();
+        self.frictions.clear();
         self.start.clear();
         self.len = 0;
     }
 
-    /// Appends the pair (i, j), which was `older`; a pair new to the list asks for its constants.
-    fn push(&mut self, ends: [u32; 2], older: Option<(&Entries, usize)>, sign: f64, fresh: impl FnOnce() -> Constants) {
+    /// Appends the pair (i, j), which was `older`; a pair new to the list asks for its constants. All pairs of a list have a
+    /// friction of their own, or none has.
+    fn push(
+        &mut self,
+        ends: [u32; 2],
+        older: Option<(&Entries, usize)>,
+        sign: f64,
+        friction: Option<Friction>,
+        fresh: impl FnOnce() -> Constants,
+    ) {
         // `start` is filled as the pairs come: grains without pairs get an empty range.
         while self.start.len() <= ends[0] as usize {
             self.start.push(self.len as u32);
@@ -253,11 +268,16 @@ impl PairList {
         self.entries.put(self.len, older, sign, fresh);
         self.ends.resize(self.entries.capacity(), [0; 2]);
         self.ends[self.len] = ends;
+        if let Some(Friction { sliding, rolling }) = friction {
+            self.frictions.resize(self.entries.blocks.len(), [Row::default(); 2]);
+            let [of_sliding, of_rolling] = &mut self.frictions[self.len / WIDTH];
+            (of_sliding[self.len % WIDTH], of_rolling[self.len % WIDTH]) = (sliding, rolling);
+        }
         self.len += 1;
     }
 
     /// Pairs whose first grain is `i`.
-    fn of_grain(&self, i: u32) -> std::ops::Range<usize> {
+    fn of_grain(&self, i: u32) -> Range<usize> {
         let bound = |k: usize| self.start.get(k).map_or(self.len, |&first| first as usize);
         bound(i as usize)..bound(i as usize + 1)
     }
@@ -295,7 +315,8 @@ impl Pairs {
         self.across.iter_mut().for_each(PairList::clear);
     }
 
-    /// Appends the pair (i, j), which was (a, b) in the numbering of `old`; a pair new to the lists asks for its constants.
+    /// Appends the pair (i, j), which was (a, b) in the numbering of `old`, with its friction where that is not the law's; a pair new
+    /// to the lists asks for its constants.
     ///
     /// Where the order of the two is reversed the sliding spring changes sign, because it belongs to v_i - v_j; the rolling
     /// spring does not, because n and ω_i - ω_j both change sign. The constants do not either.
@@ -305,11 +326,12 @@ impl Pairs {
         ends: [u32; 2],
         old: &Self,
         [a, b]: [u32; 2],
+        friction: Option<Friction>,
         fresh: impl FnOnce() -> Constants,
     ) {
         let (older, sign) = old.older(a, b);
         let list = if touching { &mut self.touching } else { &mut self.apart };
-        list.push(ends, older, sign, fresh);
+        list.push(ends, older, sign, friction, fresh);
     }
 
     /// Appends the pair (i, j) that is near across the ends over which a shift leads, which was (a, b) in the numbering of `old`.
@@ -319,10 +341,11 @@ impl Pairs {
         ends: [u32; 2],
         old: &Self,
         [a, b]: [u32; 2],
+        friction: Option<Friction>,
         fresh: impl FnOnce() -> Constants,
     ) {
         let (older, sign) = old.older(a, b);
-        self.across[shift].push(ends, older, sign, fresh);
+        self.across[shift].push(ends, older, sign, friction, fresh);
     }
 
     /// The entry of a pair, and -1 where it stands there the other way round.
@@ -346,7 +369,7 @@ impl Pairs {
 impl WallList {
     /// Whether the list fits this number of grains and walls.
     pub fn is_consistent(&self, grains: usize, walls: usize) -> bool {
-        let inside = |&[first, last]: &[u32; 2]| first <= last && last as usize <= self.grain.len();
+        let inside = |range: &[u32; 3]| range.is_sorted() && range[2] as usize <= self.grain.len();
         self.ranges.len() == walls
             && self.ranges.iter().all(|range| inside(range) && (range[0] as usize).is_multiple_of(WIDTH))
             && self.grain.len() == self.entries.capacity()
@@ -363,15 +386,25 @@ impl WallList {
 
     /// Begins the contacts of the next wall.
     pub fn begin(&mut self) {
-        let first = self.grain.len() as u32;
-        self.ranges.push([first, first]);
+        self.ranges.push([self.grain.len() as u32; 3]);
     }
 
-    /// Appends a contact of the wall begun last, which was entry `from` of `old`; a new one asks for its constants.
-    pub fn push(&mut self, grain: u32, old: &Self, from: Option<usize>, fresh: impl FnOnce() -> Constants) {
-        let Some([_, last]) = self.ranges.last_mut() else { return };
+    /// Appends a contact of the wall begun last, which was entry `from` of `old`; a new one asks for its constants. The contacts that
+    /// touch come first, both kinds in order of grains.
+    pub fn push(
+        &mut self,
+        touching: bool,
+        grain: u32,
+        old: &Self,
+        from: Option<usize>,
+        fresh: impl FnOnce() -> Constants,
+    ) {
+        let Some([_, apart, last]) = self.ranges.last_mut() else { return };
         let k = *last as usize;
         *last += 1;
+        if touching {
+            *apart = *last;
+        }
         self.entries.reach(k);
         self.entries.put(k, from.map(|from| (&old.entries, from)), 1.0, fresh);
         self.grain.resize(self.entries.capacity(), 0);
@@ -379,14 +412,32 @@ impl WallList {
     }
 
     /// Entries of a wall; they begin with a block.
-    pub fn of_wall(&self, wall: usize) -> std::ops::Range<usize> {
-        self.ranges.get(wall).map_or(0..0, |&[first, last]| first as usize..last as usize)
+    pub fn of_wall(&self, wall: usize) -> Range<usize> {
+        self.ranges.get(wall).map_or(0..0, |&[first, _, last]| first as usize..last as usize)
+    }
+
+    /// The same, those that touched at the last rebuild and the others.
+    fn parts(&self, wall: usize) -> [Range<usize>; 2] {
+        let [first, apart, last] = self.ranges.get(wall).map_or([0; 3], |range| range.map(|k| k as usize));
+        [first..apart, apart..last]
+    }
+
+    /// Entries of a wall in order of grains.
+    pub fn by_grain(&self, wall: usize) -> impl Iterator<Item = usize> {
+        let [mut touching, mut apart] = self.parts(wall).map(Iterator::peekable);
+        std::iter::from_fn(move || match (touching.peek(), apart.peek()) {
+            (Some(&a), Some(&b)) if self.grain[a] < self.grain[b] => touching.next(),
+            (_, Some(_)) => apart.next(),
+            (_, None) => touching.next(),
+        })
     }
 
     /// Entry of (wall, grain).
     pub fn find(&self, wall: usize, grain: u32) -> Option<usize> {
-        let range = self.of_wall(wall);
-        let first = range.start;
-        self.grain[range].binary_search(&grain).ok().map(|k| first + k)
+        let in_part = |part: Range<usize>| {
+            let first = part.start;
+            self.grain[part].binary_search(&grain).ok().map(|k| first + k)
+        };
+        self.parts(wall).into_iter().find_map(in_part)
     }
 }

@@ -3,7 +3,7 @@
 //! Takes a [`Setup`], gives [`Law`]. Pure; the only place that knows the readings of "damping".
 
 use super::clumps::Row;
-use super::contact::Coefficients;
+use super::contact::{Coefficients, Friction};
 use super::setup::{ContactLaw, Damping, Setup};
 use std::f64::consts::PI;
 
@@ -60,10 +60,8 @@ pub struct Law {
     pub pair: Coefficients,
     /// Grain against wall.
     pub wall: Coefficients,
-    /// Sliding friction between grains [-].
-    pub sliding_friction: f64,
-    /// Rolling friction between grains [-].
-    pub rolling_friction: f64,
+    /// Friction between grains whose own factors are 1.
+    pub friction: Friction,
     dashpot: Dashpot,
 }
 
@@ -75,8 +73,7 @@ impl Law {
         Self {
             pair: coefficients(contact, contact.stiffness, time_step),
             wall: coefficients(contact, contact.stiffness * contact.wall_stiffness_ratio, time_step),
-            sliding_friction: contact.sliding_friction,
-            rolling_friction: contact.rolling_friction,
+            friction: Friction { sliding: contact.sliding_friction, rolling: contact.rolling_friction },
             dashpot: dashpot(contact, mean_mass),
         }
     }

@@ -171,7 +171,7 @@ impl World {
             }
         }
         for (w, wall) in self.walls.iter().enumerate() {
-            for k in self.contacts.of_wall(w) {
+            for k in self.contacts.by_grain(w) {
                 let number = self.contacts.grain[k];
                 let (grain, rivals) = (number as usize, self.rivals.of_grain(number));
                 let place = &self.grains.place[grain];

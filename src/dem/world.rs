@@ -8,17 +8,18 @@
 use super::bridges::{self, Bridges, PairBridges};
 use super::checkpoint::Stored;
 use super::clumps::{Clump, ClumpMotion, Clumps};
-use super::contact::{Coefficients, Constants, implicit};
+use super::contact::{Coefficients, Constants, Friction, implicit};
 use super::drag;
 use super::forces::{AcrossForces, MAX_OVERLAP, PairForces, WallForces};
 use super::grid::{Grid, Search};
 use super::integrate::Integration;
 use super::lists::{Pairs, Rivals, WallList};
 use super::material::{Law, pair_length, time_step};
+use super::observe::Other;
 use super::outcome::{Failure, State};
 use super::particles::{Grain, Particles, touch};
 use super::period::Periods;
-use super::setup::{Reference, Region, Setup, Vec3, WallSpecies};
+use super::setup::{Reference, Region, Setup, Vec3};
 use super::skin::Skin;
 use super::validate;
 use super::vector::{Row4, add, dot, xyz};
@@ -71,6 +72,8 @@ pub struct World {
     steps: u64,
     lost: usize,
     rebuilds: u64,
+    /// Radius of the smallest grain [m].
+    smallest: f64,
     skin: Skin,
     spare: Spare,
     inherit: Vec<[u32; 2]>,
@@ -89,6 +92,8 @@ struct Spare {
     reach: Vec<Row4>,
     entry: Vec<u32>,
     limit: Vec<f64>,
+    /// Grains that touch a wall, and others near it.
+    near: [Vec<u32>; 2],
     search: Search,
 }
 
@@ -141,6 +146,7 @@ impl World {
             steps: 0,
             lost: 0,
             rebuilds: 0,
+            smallest: f64::INFINITY,
             skin: Skin::new(setup.grains.size.mean(), time_step),
             spare: Spare { pairs: pairs(), ..Spare::default() },
             periods,
@@ -194,6 +200,7 @@ impl World {
             return None;
         }
         world.rivals.index(&world.contacts, grains);
+        world.smallest = world.grains.smallest_radius();
         Some(world)
     }
 
@@ -346,11 +353,13 @@ impl World {
 
     fn evaluate(&mut self) -> Result<(), Failure> {
         let Self { grains, pairs, contacts, rivals, walls, law, inherit, met, arch, .. } = self;
-        let mut deep = arch.dispatch(PairForces { grains, pairs, law: &law.pair, met });
+        let Law { pair, wall, friction, .. } = law;
+        let harmless = MAX_OVERLAP * self.smallest;
+        let mut suspect = arch.dispatch(PairForces { grains, pairs, law: pair, friction, harmless, met });
         for (list, shift) in pairs.across.iter_mut().zip(self.periods.shifts()) {
-            deep |= arch.dispatch(AcrossForces { grains, list, law: &law.pair, shift: *shift });
+            suspect |= arch.dispatch(AcrossForces { grains, list, law: pair, friction, harmless, shift: *shift });
         }
-        let deep = deep | arch.dispatch(WallForces { grains, contacts, rivals, walls, law: &law.wall, inherit });
+        suspect |= arch.dispatch(WallForces { grains, contacts, rivals, walls, law: wall, harmless, inherit });
         if let Some(law) = &self.bridges {
             let Pairs { touching, apart, across } = &mut self.pairs;
             let shifts = [[0.0; 3]; 2].iter().chain(self.periods.shifts());
@@ -362,7 +371,7 @@ impl World {
         if self.drag > 0.0 {
             drag::add(&mut self.grains, self.drag);
         }
-        if deep { Err(self.deepest_overlap()) } else { Ok(()) }
+        if suspect { self.check_overlaps() } else { Ok(()) }
     }
 
     /// Removes the grains above a height, and clumps with one of them, and gives their number.
@@ -455,6 +464,7 @@ impl World {
         self.spare.grid.sort(&self.grains.place, &self.spare.keep, 2.0 * widest);
         std::mem::swap(&mut self.grains, &mut self.spare.grains);
         self.grains.gather(&self.spare.grains, &self.spare.grid.order);
+        self.smallest = self.grains.smallest_radius();
         self.clumps.reorder(&self.spare.grid.order, self.spare.grains.len());
         self.skin.reorder(&self.grains, &self.spare.grid.order);
         self.list_pairs(rupture);
@@ -469,6 +479,7 @@ impl World {
     /// largest reach [m].
     fn list_across(&mut self, shift: usize, widest: f64) {
         let Self { grains, pairs, law, spare, periods, .. } = self;
+        let differ = grains.differ_in_friction();
         let (order, way) = (&spare.grid.order, periods.shifts()[shift]);
         let near = |(_, row): &(usize, &Row4)| periods.is_near(xyz(row), way, 2.0 * widest);
         for (i, row) in spare.reach.iter().enumerate().filter(near) {
@@ -478,13 +489,15 @@ impl World {
             spare.grid.visit_box(corners, |j| {
                 if touch(&image, &spare.reach[j]) {
                     let fresh = || pair_constants(grains, law, i, j);
-                    pairs.push_across(shift, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
+                    let friction = differ.then(|| pair_friction(grains, law, i, j));
+                    pairs.push_across(shift, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], friction, fresh);
                 }
             });
         }
     }
 
     fn list_pairs(&mut self, rupture: f64) {
+        let differ = self.grains.differ_in_friction();
         std::mem::swap(&mut self.pairs, &mut self.spare.pairs);
         let Self { grains, clumps, pairs, law, skin, spare, arch, .. } = self;
         pairs.clear();
@@ -495,8 +508,9 @@ impl World {
                 return;
             }
             let fresh = || pair_constants(grains, law, i, j);
+            let friction = differ.then(|| pair_friction(grains, law, i, j));
             let touching = touch(&grains.place[i], &grains.place[j]);
-            pairs.push(touching, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], fresh);
+            pairs.push(touching, [i as u32, j as u32], &spare.pairs, [order[i], order[j]], friction, fresh);
         });
     }
 
@@ -525,12 +539,13 @@ impl World {
         for entry in spare.contacts.of_wall(w) {
             spare.entry[spare.contacts.grain[entry] as usize] = entry as u32;
         }
-        let WallPiece { species, surface, .. } = walls[w];
+        let surface = walls[w].surface;
+        let [touching, apart] = &mut spare.near;
         let mut look = |i: usize| {
-            if surface.near(xyz(&grains.place[i])).distance < spare.limit[i] {
-                let old = spare.entry[spare.grid.order[i] as usize];
-                let fresh = || wall_constants(grains, law, i, species);
-                contacts.push(i as u32, &spare.contacts, (old != NONE).then_some(old as usize), fresh);
+            let (place, limit) = (&grains.place[i], spare.limit[i]);
+            let distance = surface.near(xyz(place)).distance;
+            if distance < limit {
+                (if distance < place[3] { &mut *touching } else { &mut *apart }).push(i as u32);
             }
         };
         match surface.bounds() {
@@ -539,6 +554,13 @@ impl World {
                 spare.grid.visit_box(round, &mut look);
             }
             None => (0..grains.len()).for_each(&mut look),
+        }
+        for (is_touching, near) in [(true, touching), (false, apart)] {
+            for i in near.drain(..) {
+                let old = spare.entry[spare.grid.order[i as usize] as usize];
+                let fresh = || wall_constants(grains, law, i as usize);
+                contacts.push(is_touching, i, &spare.contacts, (old != NONE).then_some(old as usize), fresh);
+            }
         }
         for entry in spare.contacts.of_wall(w) {
             spare.entry[spare.contacts.grain[entry] as usize] = NONE;
@@ -557,30 +579,36 @@ impl World {
         }
     }
 
-    /// The failure that names the deepest overlap.
-    fn deepest_overlap(&self) -> Failure {
-        let (mut overlap, mut grain, mut with) = (MAX_OVERLAP, 0, String::new());
+    /// Refuses overlaps beyond [`MAX_OVERLAP`] of the smaller radius, and names the deepest.
+    fn check_overlaps(&self) -> Result<(), Failure> {
+        let mut deepest = None;
         self.for_each_overlap(|i, other, depth| {
-            if depth >= overlap {
-                (overlap, grain) = (depth, i);
-                with = match other {
-                    super::observe::Other::Grain(j) => format!("grain {}", self.grains.id[j]),
-                    super::observe::Other::Wall(w) => format!("wall {}", self.walls[w].name),
-                };
+            if depth > deepest.map_or(MAX_OVERLAP, |(_, _, depth)| depth) {
+                deepest = Some((i, other, depth));
             }
         });
-        let position = xyz(&self.grains.place[grain]);
-        Failure::Overlap { step: self.steps, time: self.time(), grain: self.grains.id[grain], position, overlap, with }
+        let Some((i, other, overlap)) = deepest else { return Ok(()) };
+        let with = match other {
+            Other::Grain(j) => format!("grain {}", self.grains.id[j]),
+            Other::Wall(w) => format!("wall {}", self.walls[w].name),
+        };
+        let (grain, position) = (self.grains.id[i], xyz(&self.grains.place[i]));
+        Err(Failure::Overlap { step: self.steps, time: self.time(), grain, position, overlap, with })
     }
 }
 
-/// Constants of a pair. The frictions of two grains mix as harmonic means, as species do in MercuryDPM; where
-/// all grains have factor 1 the law's own numbers come out, bit for bit.
-fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Constants {
+/// Friction of a pair: those of two grains mix as harmonic means, as species do in MercuryDPM; where both have factor 1 the law's
+/// own numbers come out, bit for bit.
+fn pair_friction(grains: &Particles, law: &Law, i: usize, j: usize) -> Friction {
     let mix = |kind: usize| {
         let (a, b) = (grains.friction[i][kind], grains.friction[j][kind]);
         if a + b > 0.0 { 2.0 * a * b / (a + b) } else { 0.0 }
     };
+    Friction { sliding: law.friction.sliding * mix(0), rolling: law.friction.rolling * mix(1) }
+}
+
+/// Constants of a pair.
+fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Constants {
     let damping = law.pair_damping(grains.mass(i), grains.mass(j));
     let length = pair_length(grains.place[i][3], grains.place[j][3]);
     Constants {
@@ -592,21 +620,17 @@ fn pair_constants(grains: &Particles, law: &Law, i: usize, j: usize) -> Constant
             grains.inverse_inertia[i] + grains.inverse_inertia[j],
         ),
         length,
-        sliding_friction: law.sliding_friction * mix(0),
-        rolling_friction: law.rolling_friction * mix(1),
     }
 }
 
-/// Constants of a contact with a wall: D = 2R, friction of the wall.
-fn wall_constants(grains: &Particles, law: &Law, i: usize, species: WallSpecies) -> Constants {
+/// Constants of a contact with a wall: D = 2R.
+fn wall_constants(grains: &Particles, law: &Law, i: usize) -> Constants {
     let damping = law.wall_damping(grains.mass(i));
     let length = 2.0 * grains.place[i][3];
     Constants {
         damping,
         rolling_damping: rolling_damping(&law.wall, damping, length, grains.inverse_inertia[i]),
         length,
-        sliding_friction: species.sliding_friction,
-        rolling_friction: species.rolling_friction,
     }
 }
 
@@ -701,7 +725,7 @@ mod tests {
             all.sort_unstable();
             assert!(old.touching.len() > 20 && old.apart.len() > 20, "{} pairs", all.len());
             for ends in all {
-                world.pairs.push(touching, ends, &old, ends, || unreachable!("the pair is in the old lists"));
+                world.pairs.push(touching, ends, &old, ends, None, || unreachable!("the pair is in the old lists"));
             }
             (0..100).for_each(|_| world.step().unwrap());
             world.state()
@@ -709,6 +733,47 @@ mod tests {
         for vectors in WIDTHS {
             assert_eq!(end(vectors, true), end(vectors, false), "{vectors:?}");
         }
+    }
+
+    /// Friction of its own that comes to the law's, by factors of a half, changes no bit.
+    #[test]
+    fn friction_is_the_same_from_the_law_or_from_the_pair() {
+        let end = |vectors, factor: f64| {
+            let mut setup = setup();
+            setup.contact.sliding_friction /= factor;
+            setup.contact.rolling_friction /= factor;
+            let mut grains = fill(&setup, 1).unwrap().grains;
+            for grain in &mut grains {
+                (grain.sliding_factor, grain.rolling_factor) = (factor, factor);
+            }
+            let mut world = World::new(&setup, &grains).unwrap().with_vectors(vectors);
+            (0..2000).for_each(|_| world.step().unwrap());
+            let own = world.pairs.lists().map(|list| list.frictions.len()).sum::<usize>();
+            assert_eq!(own > 0, factor < 1.0);
+            world.state()
+        };
+        let law = end(Vectors::Widest, 1.0);
+        for vectors in WIDTHS {
+            assert_eq!(law, end(vectors, 0.5), "{vectors:?}");
+        }
+    }
+
+    /// What is too deep for the smallest grain need not be so for the others.
+    #[test]
+    fn an_overlap_is_too_deep_by_the_smaller_of_its_two_grains() {
+        let setup = setup();
+        let start = |radius: f64, between: f64| {
+            let grains = [
+                Grain::new(radius, [0.0, 0.0, 0.1]),
+                Grain::new(0.005, [between, 0.0, 0.1]),
+                Grain::new(5e-4, [0.0, 0.0, 0.2]),
+            ];
+            World::new(&setup, &grains).map(|_| ())
+        };
+        assert_eq!(start(0.005, 0.009), Ok(()), "1 mm: the radius of the smallest grain twice, a fifth of their own");
+        let refused = start(0.001, 0.0054).unwrap_err();
+        let Failure::Overlap { overlap, with, grain: 0, .. } = refused else { panic!("{refused}") };
+        assert!((overlap - 0.6).abs() < 1e-9 && with == "grain 1", "{overlap} with {with}");
     }
 
     /// Grains in a box that repeats itself in x and y, so that forces and bridges across its ends and edges are taken too.
