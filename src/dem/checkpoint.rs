@@ -10,7 +10,7 @@
 
 use super::PHYSICS_VERSION;
 use super::setup::Setup;
-use super::vector::{Row4, Row8};
+use super::vector::{AlignedRows, Row4, Row8};
 use crate::canonical::{Digest, Encoder, digest};
 
 const MAGIC: &[u8] = b"granulake checkpoint 1\n";
@@ -193,6 +193,18 @@ impl<T: Stored> Stored for Vec<T> {
             values.push(T::take(input)?);
         }
         Some(values)
+    }
+}
+
+impl Stored for AlignedRows {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.to_vec().put(out);
+    }
+
+    fn take(input: &mut &[u8]) -> Option<Self> {
+        let mut rows = Self::default();
+        rows.refill(Vec::take(input)?.into_iter());
+        Some(rows)
     }
 }
 

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 /// Adds F = −c π R² |v| v with c = ½ C_d ρ_air [kg/m³] to the load of every grain.
 pub fn add(grains: &mut Particles, c: f64) {
-    for ((place, motion), load) in grains.place.iter().zip(&grains.motion).zip(&mut grains.load) {
+    for ((place, motion), load) in grains.place.iter().zip(grains.motion.iter()).zip(&mut grains.load) {
         let v = xyz(motion);
         let factor = c * PI * place[3] * place[3] * dot(v, v).sqrt();
         for axis in 0..3 {

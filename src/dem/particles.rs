@@ -6,7 +6,7 @@
 use super::checkpoint::stored;
 use super::material::sphere_mass;
 use super::setup::Vec3;
-use super::vector::{Row4, Row8, dot, sub, xyz};
+use super::vector::{AlignedRows, Row4, Row8, dot, sub, xyz};
 
 /// A grain put into a world by hand or by the insertion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,11 +48,11 @@ impl Grain {
 #[derive(Debug, Clone, Default)]
 pub struct Particles {
     /// Centre and radius: x, y, z, R [m].
-    pub place: Vec<Row4>,
+    pub place: AlignedRows,
     /// Velocity [m/s] and inverse mass [1/kg].
-    pub motion: Vec<Row4>,
+    pub motion: AlignedRows,
     /// Angular velocity [rad/s] and, again, the radius R [m]: a contact needs both at once.
-    pub spin: Vec<Row4>,
+    pub spin: AlignedRows,
     /// Inverse moment of inertia, 5/(2 m R²) for a sphere [1/(kg m²)].
     pub inverse_inertia: Vec<f64>,
     /// Force [N], 0, torque [N m], 0.
@@ -115,9 +115,9 @@ impl Particles {
 
     /// Becomes `other`'s grains in the given order, keeping only those listed.
     pub fn gather(&mut self, other: &Self, order: &[u32]) {
-        gather(&mut self.place, &other.place, order);
-        gather(&mut self.motion, &other.motion, order);
-        gather(&mut self.spin, &other.spin, order);
+        self.place.refill(order.iter().map(|&k| other.place[k as usize]));
+        self.motion.refill(order.iter().map(|&k| other.motion[k as usize]));
+        self.spin.refill(order.iter().map(|&k| other.spin[k as usize]));
         gather(&mut self.inverse_inertia, &other.inverse_inertia, order);
         gather(&mut self.load, &other.load, order);
         gather(&mut self.friction, &other.friction, order);

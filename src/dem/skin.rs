@@ -7,7 +7,7 @@
 use super::checkpoint::Stored;
 use super::particles::Particles;
 use super::setup::Vec3;
-use super::vector::{Row4, dot, length, scale, sub, xyz};
+use super::vector::{AlignedRows, Row4, dot, length, scale, sub, xyz};
 use super::walls::WallPiece;
 
 /// What a rebuild costs over what listing pairs in vain costs, see [`Skin::horizon`]; the run time is flat from 2 to 8.
@@ -25,7 +25,7 @@ const CAP: f64 = 0.8;
 #[derive(Debug, Clone)]
 pub struct Skin {
     /// Place at the last rebuild and square of the skin, in the order of the grains.
-    base: Vec<Row4>,
+    base: AlignedRows,
     spare: Vec<f64>,
     skin: Vec<f64>,
     floor: f64,
@@ -44,7 +44,7 @@ impl Skin {
     /// Skins for grains of this mean radius [m].
     pub fn new(mean_radius: f64, time_step: f64) -> Self {
         Self {
-            base: Vec::new(),
+            base: AlignedRows::default(),
             spare: Vec::new(),
             skin: Vec::new(),
             floor: FLOOR * mean_radius,
@@ -117,12 +117,12 @@ impl Skin {
         let horizon = self.horizon(mean + common);
         let ahead = horizon * self.time_step;
         self.spare.clear();
-        for motion in &grains.motion {
+        for motion in grains.motion.iter() {
             self.spare.push((ahead * (speed(motion) + common)).clamp(self.floor, self.cap));
         }
         self.allow(walls, horizon);
         let reach = |(skin, place): (&f64, &Row4)| place[3] * (1.0 + 0.5 * rupture) + skin;
-        self.spare.iter().zip(&grains.place).map(reach).fold(self.floor, f64::max)
+        self.spare.iter().zip(grains.place.iter()).map(reach).fold(self.floor, f64::max)
     }
 
     /// Steps that skins should last at this mean speed v [m/s]: H = √(b R / (v Δt)). Rebuilds cost ∝ 1/H a step and pairs
@@ -147,8 +147,7 @@ impl Skin {
         let Self { base, spare, skin, .. } = self;
         skin.clear();
         skin.extend(order.iter().map(|&k| spare[k as usize]));
-        base.clear();
-        base.extend(grains.place.iter().zip(&*skin).map(|(p, s)| Row4([p[0], p[1], p[2], s * s])));
+        base.refill(grains.place.iter().zip(&*skin).map(|(p, s)| Row4([p[0], p[1], p[2], s * s])));
     }
 
     /// Rows (x, y, z, reach) for the search of pairs.

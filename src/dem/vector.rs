@@ -2,6 +2,7 @@
 
 use super::lanes::Number;
 use super::setup::Vec3;
+use aligned_vec::{AVec, ConstAlign};
 use std::ops::{Deref, DerefMut};
 
 /// Four numbers that never straddle a cache line.
@@ -43,6 +44,46 @@ impl DerefMut for Row8 {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut [f64; 8] {
         &mut self.0
+    }
+}
+
+/// Rows of four numbers, of which two fill a cache line: the first and the second, the third and the fourth, and so on.
+#[derive(Debug, Clone)]
+pub struct AlignedRows(AVec<Row4, ConstAlign<{ align_of::<Row8>() }>>);
+
+impl Default for AlignedRows {
+    fn default() -> Self {
+        Self(AVec::new(0))
+    }
+}
+
+impl Deref for AlignedRows {
+    type Target = [Row4];
+
+    #[inline(always)]
+    fn deref(&self) -> &[Row4] {
+        &self.0
+    }
+}
+
+impl DerefMut for AlignedRows {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [Row4] {
+        &mut self.0
+    }
+}
+
+impl AlignedRows {
+    /// Appends a row.
+    pub fn push(&mut self, row: Row4) {
+        self.0.push(row);
+    }
+
+    /// Holds these rows in place of its own.
+    pub fn refill(&mut self, rows: impl Iterator<Item = Row4>) {
+        self.0.clear();
+        self.0.reserve(rows.size_hint().0);
+        rows.for_each(|row| self.0.push(row));
     }
 }
 
