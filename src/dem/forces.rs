@@ -15,6 +15,9 @@ use pulp::{Simd, WithSimd};
 
 /// Overlap over the smaller radius beyond which a run counts as exploded [-].
 pub const MAX_OVERLAP: f64 = 0.5;
+/// Overlap over the length D of a contact up to which it is not too deep, however D is rounded: D = 2 R_i R_j / (R_i + R_j) is less than
+/// twice the smaller radius, and twice the radius at a wall [-].
+const HARMLESS: f64 = 0.5 * MAX_OVERLAP * (1.0 - 1e-12);
 
 /// Forces between grains, evaluated with the widest vectors of the machine.
 pub struct PairForces<'a> {
@@ -26,19 +29,17 @@ pub struct PairForces<'a> {
     pub law: &'a Coefficients,
     /// Friction of pairs without one of their own.
     pub friction: &'a Friction,
-    /// Overlap that is not too deep for any grain, [`MAX_OVERLAP`] times the smallest radius [m].
-    pub harmless: f64,
     /// Work space: pairs that have met since the last rebuild.
     pub met: &'a mut Vec<u32>,
 }
 
 impl WithSimd for PairForces<'_> {
-    /// Whether an overlap is beyond the harmless.
+    /// Whether an overlap may be too deep.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let kernel = Kernel::new(simd, self.law, self.harmless);
+        let kernel = Kernel::new(simd, self.law);
         let suspect = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.friction, [0.0; 3]);
         suspect | kernel.add_met_pairs(self.grains, &mut self.pairs.apart, self.friction, self.met)
     }
@@ -54,19 +55,17 @@ pub struct AcrossForces<'a> {
     pub law: &'a Coefficients,
     /// Friction of pairs without one of their own.
     pub friction: &'a Friction,
-    /// Overlap that is not too deep for any grain, [`MAX_OVERLAP`] times the smallest radius [m].
-    pub harmless: f64,
     /// How far below itself the second grain is seen [m].
     pub shift: Vec3,
 }
 
 impl WithSimd for AcrossForces<'_> {
-    /// Whether an overlap is beyond the harmless.
+    /// Whether an overlap may be too deep.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let kernel = Kernel::new(simd, self.law, self.harmless);
+        let kernel = Kernel::new(simd, self.law);
         kernel.add_pairs::<true>(self.grains, self.list, self.friction, self.shift)
     }
 }
@@ -83,20 +82,18 @@ pub struct WallForces<'a> {
     pub walls: &'a [WallPiece],
     /// The law at walls.
     pub law: &'a Coefficients,
-    /// Overlap that is not too deep for any grain, [`MAX_OVERLAP`] times the smallest radius [m].
-    pub harmless: f64,
     /// Work space: dropped wall contacts and the kept ones whose springs they inherit.
     pub inherit: &'a mut Vec<[u32; 2]>,
 }
 
 impl WithSimd for WallForces<'_> {
-    /// Whether an overlap is beyond the harmless.
+    /// Whether an overlap may be too deep.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Self { grains, contacts: list, rivals, walls, law, harmless, inherit } = self;
-        let kernel = Kernel::new(simd, law, harmless);
+        let Self { grains, contacts: list, rivals, walls, law, inherit } = self;
+        let kernel = Kernel::new(simd, law);
         let mut suspect = false;
         inherit.clear();
         // One loop per wall, with its geometry inlined. Of a mesh most triangles are listed for no grain and stay unread.
@@ -126,7 +123,6 @@ struct Kernel<'a, S: Simd> {
     simd: S,
     transposer: Transposer<S>,
     law: &'a Coefficients,
-    harmless: f64,
 }
 
 /// Rows of all grains, cut to one length: an index that is good for one of them is good for all, and is checked once.
@@ -179,8 +175,8 @@ impl<'a, S: Simd> Kernel<'a, S> {
     const PARTS: usize = WIDTH / S::F64_LANES;
 
     #[inline(always)]
-    fn new(simd: S, law: &'a Coefficients, harmless: f64) -> Self {
-        Self { simd, transposer: Transposer(simd), law, harmless }
+    fn new(simd: S, law: &'a Coefficients) -> Self {
+        Self { simd, transposer: Transposer(simd), law }
     }
 
     /// Adds the forces between grains, with ACROSS of those whose second grain is seen a shift lower. Tells whether an
@@ -374,7 +370,6 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0]]);
         let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1]]);
         let overlap = touch.overlap;
-        let suspect = self.is_suspect(touch.active, overlap);
         let half = overlap.splat(0.5) * overlap;
         let contact = Kinematics {
             normal: scale(touch.between, touch.inverse),
@@ -386,14 +381,15 @@ impl<'a, S: Simd> Kernel<'a, S> {
             arm_j: radius_j - half,
         };
         let (constants, springs) = (self.constants(block, part), self.springs(block, part));
+        let suspect = self.is_suspect(touch.active, overlap, constants.length);
         (respond(&contact, &constants, friction, &springs, self.law), suspect)
     }
 
     /// Whether an overlap may be too deep. Which one is, and with what radii, is not asked here: in this loop even a path that is never
     /// taken costs registers.
     #[inline(always)]
-    fn is_suspect(self, active: Truths<S>, overlap: Lanes<S>) -> bool {
-        (active & overlap.splat(self.harmless).less(overlap)).any()
+    fn is_suspect(self, active: Truths<S>, overlap: Lanes<S>, length: Lanes<S>) -> bool {
+        (active & (length * length.splat(HARMLESS)).less(overlap)).any()
     }
 
     #[inline(always)]
@@ -523,7 +519,6 @@ impl<S: Simd> WallPass<'_, S> {
             }
             return (false, false);
         }
-        let suspect = self.kernel.is_suspect(active, overlap);
         let [vx, vy, vz, _] = transposer.gather(|l| *self.rows.motion[grain[l] as usize]);
         let [wx, wy, wz, _] = transposer.gather(|l| *self.rows.spin[grain[l] as usize]);
         let contact = Kinematics {
@@ -536,6 +531,7 @@ impl<S: Simd> WallPass<'_, S> {
             arm_j: zero,
         };
         let (constants, springs) = (self.kernel.constants(block, part), self.kernel.springs(block, part));
+        let suspect = self.kernel.is_suspect(active, overlap, constants.length);
         let species = self.walls[self.wall].species;
         let friction =
             Friction { sliding: zero.splat(species.sliding_friction), rolling: zero.splat(species.rolling_friction) };

@@ -97,11 +97,6 @@ impl Particles {
         self.friction.iter().any(|factors| *factors != [1.0; 2])
     }
 
-    /// Radius of the smallest grain [m]; infinite without grains.
-    pub fn smallest_radius(&self) -> f64 {
-        self.place.iter().map(|place| place[3]).fold(f64::INFINITY, f64::min)
-    }
-
     /// Mass of grain `i` [kg].
     pub fn mass(&self, i: usize) -> f64 {
         1.0 / self.motion[i][3]

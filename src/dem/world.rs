@@ -73,8 +73,6 @@ pub struct World {
     steps: u64,
     lost: usize,
     rebuilds: u64,
-    /// Radius of the smallest grain [m].
-    smallest: f64,
     skin: Skin,
     spare: Spare,
     inherit: Vec<[u32; 2]>,
@@ -128,7 +126,6 @@ impl World {
             steps: 0,
             lost: 0,
             rebuilds: 0,
-            smallest: f64::INFINITY,
             skin: Skin::new(setup.grains.size.mean(), time_step),
             spare: Spare::new(shifts),
             periods,
@@ -182,7 +179,6 @@ impl World {
             return None;
         }
         world.rivals.index(&world.contacts, grains);
-        world.smallest = world.grains.smallest_radius();
         Some(world)
     }
 
@@ -338,12 +334,11 @@ impl World {
     fn evaluate(&mut self) -> Result<(), Failure> {
         let Self { grains, pairs, contacts, rivals, walls, law, inherit, met, arch, .. } = self;
         let Law { pair, wall, friction, .. } = law;
-        let harmless = MAX_OVERLAP * self.smallest;
-        let mut suspect = arch.dispatch(PairForces { grains, pairs, law: pair, friction, harmless, met });
+        let mut suspect = arch.dispatch(PairForces { grains, pairs, law: pair, friction, met });
         for (list, shift) in pairs.across.iter_mut().zip(self.periods.shifts()) {
-            suspect |= arch.dispatch(AcrossForces { grains, list, law: pair, friction, harmless, shift: *shift });
+            suspect |= arch.dispatch(AcrossForces { grains, list, law: pair, friction, shift: *shift });
         }
-        suspect |= arch.dispatch(WallForces { grains, contacts, rivals, walls, law: wall, harmless, inherit });
+        suspect |= arch.dispatch(WallForces { grains, contacts, rivals, walls, law: wall, inherit });
         if let Some(law) = &self.bridges {
             let Pairs { touching, apart, across } = &mut self.pairs;
             let shifts = [[0.0; 3]; 2].iter().chain(self.periods.shifts());
@@ -572,25 +567,27 @@ mod tests {
         }
     }
 
-    /// What is too deep for the smallest grain need not be so for the others.
+    /// Overlaps of equal and of very different grains on either side of the limit, the smaller one first, which is grain 0.
     #[test]
     fn an_overlap_is_too_deep_by_the_smaller_of_its_two_grains() {
         let setup = setup();
-        let start = |radius: f64, between: f64| {
-            let grains = [
-                Grain::new(radius, [0.0, 0.0, 0.1]),
-                Grain::new(0.005, [between, 0.0, 0.1]),
-                Grain::new(5e-4, [0.0, 0.0, 0.2]),
-            ];
+        let start = |radii: [f64; 2], depth: f64| {
+            let between = radii[0] + radii[1] - depth * radii[0];
+            let grains = [Grain::new(radii[0], [0.0, 0.0, 0.1]), Grain::new(radii[1], [between, 0.0, 0.1])];
             World::new(&setup, &grains).map(|_| ())
         };
-        assert_eq!(start(0.005, 0.009), Ok(()), "1 mm: the radius of the smallest grain twice, a fifth of their own");
-        let refused = start(0.001, 0.0054).unwrap_err();
-        let Failure::Overlap { overlap, with, grain: 0, .. } = refused else { panic!("{refused}") };
-        assert!((overlap - 0.6).abs() < 1e-9 && with == "grain 1", "{overlap} with {with}");
+        for radii in [[0.005, 0.005], [0.001, 0.005], [1e-4, 0.01]] {
+            for depth in [0.2, 0.3, 0.499] {
+                assert_eq!(start(radii, depth), Ok(()), "{depth} of {radii:?}");
+            }
+            for depth in [0.501, 0.6, 0.9] {
+                let refused = start(radii, depth).unwrap_err();
+                let Failure::Overlap { overlap, with, grain: 0, .. } = refused else { panic!("{refused}") };
+                assert!((overlap - depth).abs() < 1e-9 && with == "grain 1", "{overlap} with {with}");
+            }
+        }
     }
 
-    /// Grains in a box that repeats itself in x and y, so that forces and bridges across its ends and edges are taken too.
     #[test]
     fn every_vector_width_gives_the_same_bits_across_the_ends_of_a_period() {
         let mut setup = Setup { periodic: [Some([-0.05, 0.05]), Some([-0.05, 0.05]), None], ..setup() };

@@ -68,7 +68,6 @@ impl World {
         self.spare.grid.sort(&self.grains.place, &self.spare.keep, 2.0 * widest);
         std::mem::swap(&mut self.grains, &mut self.spare.grains);
         self.grains.gather(&self.spare.grains, &self.spare.grid.order);
-        self.smallest = self.grains.smallest_radius();
         self.clumps.reorder(&self.spare.grid.order, self.spare.grains.len());
         self.skin.reorder(&self.grains, &self.spare.grid.order);
         self.list_pairs(rupture);
