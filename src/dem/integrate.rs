@@ -131,9 +131,13 @@ fn fourfold([a, b]: [f64; 2]) -> Two {
 /// What is the same for all grains, twice. The fourth number of each row of a grain stays as it is, because its step is zero, and is
 /// within every cube.
 struct Step {
+    /// Time step [s].
     length: Two,
+    /// Gravity [m/s²].
     gravity: Two,
+    /// How far the common motion has carried the grains [m].
     drift: Two,
+    /// [`CUBE`].
     cube: Two,
 }
 
