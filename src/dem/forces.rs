@@ -15,9 +15,6 @@ use pulp::{Simd, WithSimd};
 
 /// Overlap over the smaller radius beyond which a run counts as exploded [-].
 pub const MAX_OVERLAP: f64 = 0.5;
-/// Overlap over the length D of a contact up to which it is not too deep, however D is rounded: D = 2 R_i R_j / (R_i + R_j) is less than
-/// twice the smaller radius, and twice the radius at a wall [-].
-const HARMLESS: f64 = 0.5 * MAX_OVERLAP * (1.0 - 1e-12);
 
 /// Forces between grains, evaluated with the widest vectors of the machine.
 pub struct PairForces<'a> {
@@ -34,14 +31,14 @@ pub struct PairForces<'a> {
 }
 
 impl WithSimd for PairForces<'_> {
-    /// Whether an overlap may be too deep.
+    /// Whether an overlap is too deep.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let kernel = Kernel::new(simd, self.law);
-        let suspect = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.friction, [0.0; 3]);
-        suspect | kernel.add_met_pairs(self.grains, &mut self.pairs.apart, self.friction, self.met)
+        let deep = kernel.add_pairs::<false>(self.grains, &mut self.pairs.touching, self.friction, [0.0; 3]);
+        deep | kernel.add_met_pairs(self.grains, &mut self.pairs.apart, self.friction, self.met)
     }
 }
 
@@ -60,7 +57,7 @@ pub struct AcrossForces<'a> {
 }
 
 impl WithSimd for AcrossForces<'_> {
-    /// Whether an overlap may be too deep.
+    /// Whether an overlap is too deep.
     type Output = bool;
 
     #[inline(always)]
@@ -87,14 +84,14 @@ pub struct WallForces<'a> {
 }
 
 impl WithSimd for WallForces<'_> {
-    /// Whether an overlap may be too deep.
+    /// Whether an overlap is too deep.
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let Self { grains, contacts: list, rivals, walls, law, inherit } = self;
         let kernel = Kernel::new(simd, law);
-        let mut suspect = false;
+        let mut deep = false;
         inherit.clear();
         // One loop per wall, with its geometry inlined. Of a mesh most triangles are listed for no grain and stay unread.
         for (w, wall) in walls.iter().enumerate() {
@@ -102,7 +99,7 @@ impl WithSimd for WallForces<'_> {
                 continue;
             }
             let mut pass = WallPass { kernel, rows: Rows::of(grains), list, rivals, walls, wall: w, inherit };
-            suspect |= match &wall.surface {
+            deep |= match &wall.surface {
                 Surface::Plane(plane) => pass.run(plane),
                 Surface::Rectangle(rectangle) => pass.run(rectangle),
                 Surface::Cylinder(cylinder) => pass.run(cylinder),
@@ -113,7 +110,7 @@ impl WithSimd for WallForces<'_> {
         for &[dropped, kept] in inherit.iter() {
             list.entries.inherit(kept as usize, dropped as usize);
         }
-        suspect
+        deep
     }
 }
 
@@ -180,7 +177,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
     }
 
     /// Adds the forces between grains, with ACROSS of those whose second grain is seen a shift lower. Tells whether an
-    /// overlap may be too deep.
+    /// overlap is too deep.
     ///
     /// Places of the next vector are looked at before the law is applied to this one, so that its root and division are under way
     /// meanwhile.
@@ -199,7 +196,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let filled = Lanes::filled(self.simd, 0, count);
         let mut next = self.touch::<ACROSS>(&rows, &rows.indices(coming), filled, shift);
         let Entries { blocks, live, .. } = &mut list.entries;
-        let (mut v, mut suspect) = (0, false);
+        let (mut v, mut deep) = (0, false);
         for (b, (block, live)) in blocks.iter_mut().zip(live).enumerate() {
             let was_live = *live;
             let mut touches = false;
@@ -214,7 +211,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
                 if touch.active.any() {
                     let ends = rows.indices(ends);
                     let friction = self.friction(list.frictions.get(b), part, friction);
-                    suspect |= self.add_touching(&mut rows, &ends, &touch, block, part, &friction);
+                    deep |= self.add_touching(&mut rows, &ends, &touch, block, part, &friction);
                     touches = true;
                 } else if was_live {
                     self.void_springs(block, part);
@@ -224,7 +221,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
                 *live = touches;
             }
         }
-        suspect
+        deep
     }
 
     /// The same friction in every lane.
@@ -258,7 +255,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let mut rows = Rows::of(grains);
         self.find_met(&rows, list, met);
         let PairList { ends, entries: Entries { blocks, .. }, frictions, .. } = list;
-        let mut suspect = false;
+        let mut deep = false;
         for met in met.chunks(S::F64_LANES) {
             let (mut few, mut block, mut own) = ([[0; 2]; WIDTH], Block::default(), [Row::default(); 2]);
             for (lane, &k) in met.iter().enumerate() {
@@ -273,12 +270,12 @@ impl<'a, S: Simd> Kernel<'a, S> {
             let few = rows.indices(&few);
             let touch = self.touch::<false>(&rows, &few, Lanes::filled(self.simd, 0, met.len()), [0.0; 3]);
             let friction = self.friction((!frictions.is_empty()).then_some(&own), 0, self.splat_friction(friction));
-            suspect |= self.add_touching(&mut rows, &few, &touch, &mut block, 0, &friction);
+            deep |= self.add_touching(&mut rows, &few, &touch, &mut block, 0, &friction);
             for (lane, &k) in met.iter().enumerate() {
                 blocks[k as usize / WIDTH].copy_springs(k as usize % WIDTH, &block, lane);
             }
         }
-        suspect
+        deep
     }
 
     /// Lists the pairs that touch, in order, and voids the springs of the others.
@@ -320,7 +317,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
         found
     }
 
-    /// Applies the law to pairs that touch, keeps their springs and adds their loads; tells whether an overlap may be too deep.
+    /// Applies the law to pairs that touch, keeps their springs and adds their loads; tells whether an overlap is too deep.
     #[inline(always)]
     fn add_touching(
         self,
@@ -331,10 +328,10 @@ impl<'a, S: Simd> Kernel<'a, S> {
         part: usize,
         friction: &Friction<Lanes<S>>,
     ) -> bool {
-        let (response, suspect) = self.respond_pairs(rows, ends, touch, block, part, friction);
+        let (response, deep) = self.respond_pairs(rows, ends, touch, block, part, friction);
         self.store_springs(&response.springs, touch.active, block, part);
         self.add_pair_loads(&response, touch.active, rows.load, ends);
-        suspect
+        deep
     }
 
     /// Which pairs touch.
@@ -354,7 +351,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
         }
     }
 
-    /// Applies the law to pairs that touch, with normals n = d/|d| and arms R - δ/2; tells whether an overlap may be too deep.
+    /// Applies the law to pairs that touch, with normals n = d/|d| and arms R - δ/2; tells whether an overlap is too deep.
     #[inline(always)]
     fn respond_pairs(
         self,
@@ -370,6 +367,7 @@ impl<'a, S: Simd> Kernel<'a, S> {
         let [ax, ay, az, radius_i] = self.transposer.gather(|l| *rows.spin[ends[l][0]]);
         let [bx, by, bz, radius_j] = self.transposer.gather(|l| *rows.spin[ends[l][1]]);
         let overlap = touch.overlap;
+        let deep = self.is_deep(touch.active, overlap, radius_i.min(radius_j));
         let half = overlap.splat(0.5) * overlap;
         let contact = Kinematics {
             normal: scale(touch.between, touch.inverse),
@@ -381,15 +379,14 @@ impl<'a, S: Simd> Kernel<'a, S> {
             arm_j: radius_j - half,
         };
         let (constants, springs) = (self.constants(block, part), self.springs(block, part));
-        let suspect = self.is_suspect(touch.active, overlap, constants.length);
-        (respond(&contact, &constants, friction, &springs, self.law), suspect)
+        (respond(&contact, &constants, friction, &springs, self.law), deep)
     }
 
-    /// Whether an overlap may be too deep. Which one is, and with what radii, is not asked here: in this loop even a path that is never
+    /// Whether an overlap is too deep for the smaller radius. Which one is not asked here: in this loop even a path that is never
     /// taken costs registers.
     #[inline(always)]
-    fn is_suspect(self, active: Truths<S>, overlap: Lanes<S>, length: Lanes<S>) -> bool {
-        (active & (length * length.splat(HARMLESS)).less(overlap)).any()
+    fn is_deep(self, active: Truths<S>, overlap: Lanes<S>, smaller: Lanes<S>) -> bool {
+        (active & (smaller.splat(MAX_OVERLAP) * smaller).less(overlap)).any()
     }
 
     #[inline(always)]
@@ -483,22 +480,22 @@ impl<S: Simd> WallPass<'_, S> {
     #[inline(always)]
     fn run(&mut self, surface: &impl Geometry) -> bool {
         let range = self.list.of_wall(self.wall);
-        let mut suspect = false;
+        let mut deep = false;
         for first in range.clone().step_by(WIDTH) {
             let mut live = false;
             for part in 0..Kernel::<'_, S>::PARTS {
                 let filled = Lanes::filled(self.kernel.simd, part, range.end - first);
                 let base = first + part * S::F64_LANES;
-                let (touches, is_suspect) = self.part(base, part, filled, surface);
+                let (touches, is_deep) = self.part(base, part, filled, surface);
                 live |= touches;
-                suspect |= is_suspect;
+                deep |= is_deep;
             }
             self.list.entries.live[first / WIDTH] = live;
         }
-        suspect
+        deep
     }
 
-    /// Evaluates the contacts from entry `base` on; tells whether any touches, and whether one may be too deep.
+    /// Evaluates the contacts from entry `base` on; tells whether any touches, and whether one is too deep.
     #[inline(always)]
     fn part(&mut self, base: usize, part: usize, filled: Truths<S>, surface: &impl Geometry) -> (bool, bool) {
         let Kernel { simd, transposer, .. } = self.kernel;
@@ -531,14 +528,14 @@ impl<S: Simd> WallPass<'_, S> {
             arm_j: zero,
         };
         let (constants, springs) = (self.kernel.constants(block, part), self.kernel.springs(block, part));
-        let suspect = self.kernel.is_suspect(active, overlap, constants.length);
+        let deep = self.kernel.is_deep(active, overlap, radius);
         let species = self.walls[self.wall].species;
         let friction =
             Friction { sliding: zero.splat(species.sliding_friction), rolling: zero.splat(species.rolling_friction) };
         let response = respond(&contact, &constants, &friction, &springs, self.kernel.law);
         self.kernel.store_springs(&response.springs, active, block, part);
         add_loads(&self.kernel, &response, active, self.rows.load, &grain);
-        (true, suspect)
+        (true, deep)
     }
 
     /// Which of the edge contacts are not dropped in favour of another piece; notes whose springs the dropped ones inherit.

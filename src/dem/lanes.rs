@@ -148,6 +148,12 @@ impl<S: Simd> Lanes<S> {
         S::as_mut_simd_f64s(block).0[part] = self.1;
     }
 
+    /// The smaller of two numbers, neither of which is NaN.
+    #[inline(always)]
+    pub fn min(self, other: Self) -> Self {
+        Self(self.0, self.0.min_f64s(self.1, other.1))
+    }
+
     /// The sum of all lanes, in no order that may be relied on.
     #[inline(always)]
     pub fn sum(self) -> f64 {

@@ -334,11 +334,11 @@ impl World {
     fn evaluate(&mut self) -> Result<(), Failure> {
         let Self { grains, pairs, contacts, rivals, walls, law, inherit, met, arch, .. } = self;
         let Law { pair, wall, friction, .. } = law;
-        let mut suspect = arch.dispatch(PairForces { grains, pairs, law: pair, friction, met });
+        let mut deep = arch.dispatch(PairForces { grains, pairs, law: pair, friction, met });
         for (list, shift) in pairs.across.iter_mut().zip(self.periods.shifts()) {
-            suspect |= arch.dispatch(AcrossForces { grains, list, law: pair, friction, shift: *shift });
+            deep |= arch.dispatch(AcrossForces { grains, list, law: pair, friction, shift: *shift });
         }
-        suspect |= arch.dispatch(WallForces { grains, contacts, rivals, walls, law: wall, inherit });
+        deep |= arch.dispatch(WallForces { grains, contacts, rivals, walls, law: wall, inherit });
         if let Some(law) = &self.bridges {
             let Pairs { touching, apart, across } = &mut self.pairs;
             let shifts = [[0.0; 3]; 2].iter().chain(self.periods.shifts());
@@ -350,7 +350,7 @@ impl World {
         if self.drag > 0.0 {
             drag::add(&mut self.grains, self.drag);
         }
-        if suspect { self.check_overlaps() } else { Ok(()) }
+        if deep { self.check_overlaps() } else { Ok(()) }
     }
 
     /// Removes the grains above a height, and clumps with one of them, and gives their number.
